@@ -1,0 +1,90 @@
+"""What a stage is: its configuration, its inputs, the function that does the work, and what that function reports.
+
+A stage function has the shape `run(inputs, config, out, progress) -> Outcome`:
+
+* `inputs`  maps the name of each upstream stage to the folder with its files,
+* `config`  is the stage's own frozen pydantic model,
+* `out`     is the folder to write into; if the stage is resumable it may hold what a killed run left behind,
+* `progress(done, total, what)` tells how far the work is.
+
+The function knows nothing of keys, caches or processes; `store/` and `isolation.py` see to those.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+State = Literal["ok", "degraded"]
+Metric = float | int | str | bool | None
+Inputs = Mapping[str, Path]
+Progress = Callable[[int, int, str], None]
+
+
+class Frozen(BaseModel):
+    """Base of every record and configuration: immutable, and strict about unknown fields."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class StageConfig(Frozen):
+    """Base of a stage's configuration. Each field has a unit, bounds and a sentence."""
+
+
+class Outcome(Frozen):
+    """What a stage function reports.
+
+    metrics: figures by name, with the unit in the name (`reprojection_px`).
+    state: `degraded` when the output is usable but something the user should know went wrong; `notes` then say what.
+    series: curves by name, each a tuple of (step, value).
+    pictures: caption -> path relative to `out` of the images that people should look at.
+    """
+
+    metrics: dict[str, Metric]
+    state: State = "ok"
+    notes: tuple[str, ...] = ()
+    series: dict[str, tuple[tuple[int, float], ...]] = {}
+    pictures: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the factory.
+
+    name: also the folder name in the store and the name in `SceneConfig`.
+    config: the configuration model.
+    inputs: names of the upstream stages whose files it reads.
+    entry: "module:function" of the stage function; imported only in the stage's own process.
+    engines: distributions whose version is part of the cache key.
+    accuracy: the metric that says how well the stage did, shown in every table.
+    resumable: keep a killed run's partial files and hand them to the next try.
+    deterministic: the same inputs give the same digests; `why_not` says why when they do not.
+    limit_s, limit_mib: time and memory at which the stage's process group is killed.
+    """
+
+    name: str
+    config: type[StageConfig]
+    inputs: tuple[str, ...]
+    entry: str
+    engines: tuple[str, ...]
+    accuracy: str
+    resumable: bool = False
+    deterministic: bool = True
+    why_not: str = ""
+    limit_s: float = 24 * 3600.0
+    limit_mib: float = 20 * 1024.0
+
+    @property
+    def package(self) -> str:
+        """The package whose `python -m` replays this stage."""
+        return self.entry.partition(":")[0].rpartition(".")[0]
+
+    def function(self) -> Callable[[Inputs, Any, Path, Progress], Outcome]:
+        """Import the stage function, and with it the engine that it needs."""
+        module, _, name = self.entry.partition(":")
+        return getattr(importlib.import_module(module), name)

@@ -1,0 +1,36 @@
+"""The factory as a list: every stage, what it reads, and which library does its work.
+
+Read it from top to bottom and you have read the method. The configurations are light to import; the stage functions are
+imported only in the process that runs them.
+"""
+
+from __future__ import annotations
+
+from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.grouping.config import GroupingConfig, SimilarityConfig
+from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.sampling.config import SamplingConfig
+from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.stage import Stage
+from aug3d_core.surface.config import SurfaceConfig
+from aug3d_core.testbed.config import TownConfig, TruthConfig
+
+TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy",), "photos", resumable=True)
+PHOTOS = Stage("photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("pillow",), "photos")
+SFM = Stage("sfm", SfmConfig, ("photos",), "aug3d_core.sfm.stage:run", ("pycolmap",), "reprojection_px")
+TRUTH = Stage("truth", TruthConfig, ("town", "sfm"), "aug3d_core.testbed.truth_stage:run", (), "position_error_pct")
+SIMILARITY = Stage("similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share")
+GROUPING = Stage("grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median")
+SURFACE = Stage("surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d", "pycolmap"), "render_psnr")
+SAMPLING = Stage("sampling", SamplingConfig, ("sfm", "grouping", "surface"), "aug3d_core.sampling.stage:run", ("open3d",), "views_planned")
+RENDERING = Stage("rendering", RenderingConfig, ("surface", "sampling"), "aug3d_core.rendering.stage:run", ("bpy",), "kept_share", resumable=True)
+DATASET = Stage("dataset", DatasetConfig, ("sfm", "grouping", "surface", "rendering"), "aug3d_core.dataset.stage:run", ("zarr",), "views")
+TRAINING = Stage("training", TrainingConfig, ("dataset",), "aug3d_core.nerf.training_stage:run", ("torch",), "train_psnr", resumable=True)
+EVALUATION = Stage("evaluation", EvaluationConfig, ("dataset", "training"), "aug3d_core.nerf.evaluation_stage:run", ("torch",), "test_psnr_mean")
+
+STAGES = {
+    stage.name: stage
+    for stage in (TOWN, PHOTOS, SFM, TRUTH, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
+}

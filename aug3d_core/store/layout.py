@@ -1,0 +1,83 @@
+"""The only place that spells a path: the folders of the store, and the files inside each stage's output."""
+
+from __future__ import annotations
+
+# The store
+OBJECTS = "objects"
+WORK = "work"
+LOCKS = "locks"
+FAILURES = "failures"
+SCENES = "scenes"
+
+# One object
+FILES = "files"
+RECORD = "record.json"
+JOB = "job.json"
+LOG = "log.txt"
+OUTCOME = "outcome.json"
+ERROR = "error.json"
+PROGRESS = "progress.json"
+
+# testbed: `photos/` is what a user would have; `truth/` is kept apart and read by truth metrics alone
+TOWN_PHOTOS = "photos"
+TOWN_TRUTH = "truth"
+TRUTH_POSES = "truth/poses.npz"
+TRUTH_MESH = "truth/mesh.ply"
+TRUTH_FOOTPRINTS = "truth/footprints.json"
+
+# photos
+PHOTO_TABLE = "photos.parquet"
+REJECTED_TABLE = "rejected.parquet"
+PHOTO_IMAGES = "images"
+
+# sfm
+VIEWS = "views.npz"
+VIEW_IMAGES = "images"
+POINTS = "points.npz"
+TRACKS = "tracks.npz"
+WORLD = "world.json"
+COLMAP_MODEL = "model"
+COMPONENTS = "components.json"
+
+# grouping
+SHARED_POINTS = "shared_points.npz"
+SPLIT_TABLE = "split.parquet"
+GROUPS = "groups.npz"
+
+# surface
+MESH = "mesh.ply"
+BASELINE_MESH = "baseline_mesh.ply"
+BASELINE_RENDERS = "baseline_renders"
+
+# sampling
+CAMERAS = "cameras.npz"
+DOME_TABLE = "domes.parquet"
+
+# rendering
+SHARDS = "shards"
+RENDER_TABLE = "renders.parquet"
+
+# dataset
+SCENE_ZARR = "scene.zarr"
+
+# nerf
+MODEL_WEIGHTS = "model.safetensors"
+MODEL_CONFIG = "model.json"
+CHECKPOINT = "checkpoint"
+CURVE = "curve.parquet"
+TEST_VIEWS = "test_views.parquet"
+PANELS = "panels"
+
+# charts
+REPORT = "report.html"
+METRICS = "metrics.json"
+
+
+def image_name(photo_id: int) -> str:
+    """Name of a photograph's file inside `images/`, in any stage."""
+    return f"{photo_id:06d}.png"
+
+
+def shard_name(shard: int) -> str:
+    """Name of one render shard's file inside `shards/`."""
+    return f"{shard:04d}.npz"
