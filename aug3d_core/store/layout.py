@@ -29,6 +29,7 @@ TRUTH_FOOTPRINTS = "truth/footprints.json"
 PHOTO_TABLE = "photos.parquet"
 REJECTED_TABLE = "rejected.parquet"
 PHOTO_IMAGES = "images"
+CONTACT_SHEET = "contact_sheet.jpg"
 
 # sfm
 VIEWS = "views.npz"
@@ -38,11 +39,15 @@ TRACKS = "tracks.npz"
 WORLD = "world.json"
 COLMAP_MODEL = "model"
 COMPONENTS = "components.json"
+OTHER_MODELS = "other_models"
+SFM_MAP = "map.png"
 
 # grouping
 SHARED_POINTS = "shared_points.npz"
 SPLIT_TABLE = "split.parquet"
 GROUPS = "groups.npz"
+SIMILARITY_PICTURE = "similarity.png"
+GROUPING_MAP = "grouping.png"
 
 # surface
 MESH = "mesh.ply"

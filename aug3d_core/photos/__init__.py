@@ -1,0 +1,9 @@
+"""Turn a folder of photographs into a checked table and working copies.
+
+discover   which files are photographs, their order by name, and the digest of the folder
+exif       focal length, position, time and orientation as the camera wrote them
+decode     one file to one working copy, or the reason why not
+table      the photo table and the table of rejected files
+contact_sheet  a picture of what was taken in
+stage      the stage
+"""

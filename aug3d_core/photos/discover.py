@@ -1,0 +1,74 @@
+"""Find the photographs in a folder. Light: the flow's own process imports this to name the folder's content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from aug3d_core.errors import InputError
+
+SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
+_BLOCK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a folder holds. names: photographs, relative, in natural order. ignored: how many other files."""
+
+    names: tuple[str, ...]
+    ignored: int
+
+
+def natural_key(name: str) -> tuple[tuple[tuple[int, int, str], ...], str]:
+    """Return the key that sorts `img_9` before `img_10`; names that differ only in case or zeros stay distinct."""
+    parts = re.split(r"(\d+)", name.lower())
+    return tuple((1, int(part), "") if part.isdigit() else (0, 0, part) for part in parts), name
+
+
+def find_photos(folder: Path) -> Found:
+    """List the photographs in a folder and below it.
+
+    Linked folders are not entered and hidden ones are skipped: neither loops, nor thumbnails, nor files from elsewhere
+    come in by accident.
+    """
+    if not folder.is_dir():
+        what = "is a file, not a folder" if folder.exists() else "does not exist"
+        raise InputError(f"{folder} {what}", "Name the folder that holds the photographs.")
+    names, ignored = [], 0
+    for parent, folders, files in os.walk(folder, followlinks=False):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for file in files:
+            path = Path(parent) / file
+            if path.suffix.lower() in SUFFIXES and not file.startswith("."):
+                names.append(path.relative_to(folder).as_posix())
+            else:
+                ignored += 1
+    return Found(tuple(sorted(names, key=natural_key)), ignored)
+
+
+def folder_digest(folder: Path) -> str:
+    """Return the SHA-256 over the names and bytes of the photographs in a folder; other files do not count."""
+    digest = hashlib.sha256()
+    for name in sorted(find_photos(folder).names):
+        digest.update(f"{len(name.encode())}:{name}:{_content(folder / name)}\n".encode())
+    return digest.hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _content(path: Path) -> str:
+    # An unreadable photograph must not stop the naming: the stage rejects it and says why.
+    try:
+        return file_digest(path)
+    except OSError as error:
+        return f"unreadable {error.errno}"

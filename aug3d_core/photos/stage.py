@@ -1,0 +1,121 @@
+"""The photos stage: folder of photographs -> photo table and working copies."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import warnings
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from aug3d_core.errors import InputError
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.contact_sheet import contact_sheet
+from aug3d_core.photos.decode import Decoded, RejectedError, decode
+from aug3d_core.photos.discover import Found, find_photos, natural_key
+from aug3d_core.photos.table import photo_table, rejected_table
+from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.store import layout
+
+Rejected = list[tuple[str, str]]
+
+
+def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> Outcome:
+    """Check every photograph of the folder, write working copies and the table."""
+    folder = inputs["folder"]
+    found = find_photos(folder)
+    _require_some(folder, found)
+    (out / layout.PHOTO_IMAGES).mkdir(parents=True, exist_ok=True)
+    usable, rejected = _decode_all(folder, found, config, out, progress)
+    usable, duplicates = drop_duplicates(usable)
+    rejected += duplicates
+    _require_enough(folder, found, config, usable, rejected)
+    usable = capture_order(usable)
+    files = [photo.copy.rename(out / layout.PHOTO_IMAGES / layout.image_name(i)) for i, photo in enumerate(usable)]
+    photo_table(usable).to_parquet(out / layout.PHOTO_TABLE)
+    rejected_table(rejected).to_parquet(out / layout.REJECTED_TABLE)
+    contact_sheet(files, out / layout.CONTACT_SHEET)
+    return _outcome(usable, rejected, found)
+
+
+def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]:
+    """Keep the first of photographs with the same bytes or the same pixels; delete the other working copies."""
+    kept: dict[str, Decoded] = {}
+    rejected = []
+    for photo in photos:
+        first = kept.setdefault(photo.pixels_sha256, photo)
+        if first is not photo:
+            same = "bytes" if first.sha256 == photo.sha256 else "pixels"
+            rejected.append((photo.name, f"duplicate: same {same} as {first.name}"))
+            photo.copy.unlink()
+    return list(kept.values()), rejected
+
+
+def capture_order(photos: list[Decoded]) -> list[Decoded]:
+    """Sort by time, then by name; by name alone if any has no time, for a few times would tear the sequence apart."""
+    timed = all(photo.exif.time for photo in photos)
+    return sorted(photos, key=lambda photo: (photo.exif.time if timed else None or 0, natural_key(photo.name)))
+
+
+def _decode_all(
+    folder: Path, found: Found, config: PhotosConfig, out: Path, progress: Progress
+) -> tuple[list[Decoded], Rejected]:
+    def one(numbered: tuple[int, str]) -> Decoded | str:
+        number, name = numbered
+        try:
+            return decode(folder / name, name, out / layout.PHOTO_IMAGES / f"checking-{number}.png", config)
+        except RejectedError as error:
+            return str(error)
+
+    usable, rejected = [], []
+    with warnings.catch_warnings(), ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        # Pillow warns at 90 megapixels, which good cameras exceed (it refuses, as we want, at twice that), and of corrupt
+        # EXIF, which we read as unknown. Set here, because filters are not safe to set within threads.
+        warnings.simplefilter("ignore")
+        for done, result in enumerate(pool.map(one, enumerate(found.names)), start=1):
+            name = found.names[done - 1]
+            usable.append(result) if isinstance(result, Decoded) else rejected.append((name, result))
+            progress(done, len(found.names), "photographs read")
+    return usable, rejected
+
+
+def _require_some(folder: Path, found: Found) -> None:
+    if not found.names:
+        content = f"holds {found.ignored} files, none of them a photograph" if found.ignored else "is empty"
+        raise InputError(f"{folder} {content}", "Put the JPEG, PNG or TIFF photographs there, or name another folder.")
+
+
+def _require_enough(
+    folder: Path, found: Found, config: PhotosConfig, usable: list[Decoded], rejected: Rejected
+) -> None:
+    if len(usable) < config.min_photos:
+        examples = "".join(f"\n     {name}: {reason}" for name, reason in sorted(rejected)[:5])
+        raise InputError(
+            f"{folder} holds {len(usable)} usable photographs of {len(found.names)}; at least {config.min_photos} are "
+            f"needed{examples}",
+            "Add overlapping photographs of the scene, or repair those listed.",
+        )
+
+
+def _outcome(usable: list[Decoded], rejected: Rejected, found: Found) -> Outcome:
+    notes = [f"{len(rejected)} photographs left out: {layout.REJECTED_TABLE} says why"] if rejected else []
+    if 0 < (untimed := sum(photo.exif.time is None for photo in usable)) < len(usable):
+        notes.append(f"{untimed} photographs have no time: the capture order is the order of names")
+    metrics = {
+        "photos": len(usable),
+        "rejected": len(rejected),
+        "ignored_files": found.ignored,
+        "with_gps": sum(photo.exif.lat_deg == photo.exif.lat_deg for photo in usable),
+        "with_focal": sum(photo.exif.focal_source != "none" for photo in usable),
+        "cameras": len({photo.exif.camera for photo in usable}),
+        "megapixels_median": statistics.median(w * h / 1e6 for w, h in (photo.original_size for photo in usable)),
+        "sharpness_median": statistics.median(photo.sharpness for photo in usable),
+        "sharpness_min": min(photo.sharpness for photo in usable),
+    }
+    return Outcome(
+        metrics=metrics,
+        state="degraded" if len(rejected) > len(usable) else "ok",
+        notes=tuple(notes),
+        pictures={"Photographs, in capture order": layout.CONTACT_SHEET},
+    )
