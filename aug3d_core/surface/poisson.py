@@ -1,0 +1,44 @@
+"""Oriented points to a closed surface (screened Poisson), as fine as the points are dense."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import open3d as o3d
+
+from aug3d_core.surface.evidence import Evidence
+from aug3d_core.surface.shape import Shape
+
+MIN_DEPTH, MAX_DEPTH = 5, 11
+SCALE = 1.1  # the octree's cube over the points' cube
+
+
+def reconstruct(evidence: Evidence) -> Shape:
+    """Return Poisson's surface through the points, untrimmed."""
+    origin = evidence.xyz.mean(axis=0)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(evidence.xyz - origin))
+    cloud.normals = o3d.utility.Vector3dVector(evidence.normals)
+    # One thread: with more, the order of sums and so the bytes change from run to run
+    mesh = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=octree_depth(evidence), n_threads=1)[0]
+    return _shape(mesh, origin)
+
+
+def octree_depth(evidence: Evidence) -> int:
+    """Choose the octree depth whose finest cell is just under the points' spacing: finer would only model noise."""
+    extent = float(np.ptp(evidence.xyz, axis=0).max()) * SCALE
+    return int(np.clip(math.ceil(math.log2(extent / evidence.spacing)), MIN_DEPTH, MAX_DEPTH))
+
+
+def simplify(shape: Shape, triangles: int) -> Shape:
+    """Decimate by quadric error to at most about `triangles`."""
+    if len(shape.triangles) <= triangles:
+        return shape
+    mesh = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(shape.xyz), o3d.utility.Vector3iVector(shape.triangles)
+    )
+    return _shape(mesh.simplify_quadric_decimation(triangles), np.zeros(3))
+
+
+def _shape(mesh: o3d.geometry.TriangleMesh, origin: np.ndarray) -> Shape:
+    return Shape(np.asarray(mesh.vertices) + origin, np.asarray(mesh.triangles).astype(np.int32))

@@ -1,0 +1,123 @@
+"""Triangles without colours: cutting, cleaning and splitting, in plain numpy so that the bytes repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import sparse
+from scipy.sparse import csgraph
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A triangle mesh; triangles wind counter-clockwise seen from outside."""
+
+    xyz: Float[np.ndarray, "v 3"]
+    triangles: Int[np.ndarray, "t 3"]
+
+    def keep(self, triangle: Bool[np.ndarray, " t"]) -> Shape:
+        """Return the chosen triangles and the vertices that they use."""
+        used, index = np.unique(self.triangles[triangle], return_inverse=True)
+        return Shape(self.xyz[used], index.reshape(-1, 3).astype(np.int32))
+
+
+def triangle_areas(shape: Shape) -> Float[np.ndarray, " t"]:
+    """Return the area of each triangle."""
+    a, b, c = shape.xyz[shape.triangles.T]
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def vertex_normals(shape: Shape) -> Float[np.ndarray, "v 3"]:
+    """Return unit normals, each the area-weighted mean of the triangles around a vertex."""
+    a, b, c = shape.xyz[shape.triangles.T]
+    face = np.cross(b - a, c - a)
+    normals = np.stack([_sum_at_corners(shape, face[:, axis]) for axis in range(3)], axis=1)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+
+
+def edges(shape: Shape) -> Int[np.ndarray, "e 2"]:
+    """Return each edge once, the smaller vertex first, sorted."""
+    return np.unique(_directed_edges(shape.triangles), axis=0)
+
+
+def drop_small_components(shape: Shape, min_share: float) -> Shape:
+    """Drop connected pieces with less than `min_share` of all triangles; the largest stays in any case."""
+    if not len(shape.triangles):
+        return shape
+    pairs = edges(shape)
+    count = len(shape.xyz)
+    graph = sparse.coo_matrix((np.ones(len(pairs), bool), pairs.T), shape=(count, count))
+    piece = csgraph.connected_components(graph, directed=False)[1][shape.triangles[:, 0]]
+    sizes = np.bincount(piece)
+    enough = sizes >= min_share * len(shape.triangles)
+    enough[sizes.argmax()] = True
+    return shape.keep(enough[piece])
+
+
+def drop_degenerate(shape: Shape) -> Shape:
+    """Drop triangles without area."""
+    return shape.keep(triangle_areas(shape) > 0)
+
+
+def split_to(shape: Shape, spacing: float, vertex_budget: int) -> Shape:
+    """Split edges at their middles until none is longer than 1.5 `spacing` or the next round would break the budget.
+
+    1.5: halving an edge just above it gives 0.75, so that edges end evenly around `spacing`.
+    """
+    while True:
+        pairs = edges(shape)
+        length = np.linalg.norm(shape.xyz[pairs[:, 0]] - shape.xyz[pairs[:, 1]], axis=1)
+        long = np.flatnonzero(length > 1.5 * spacing)
+        room = vertex_budget - len(shape.xyz)
+        if not len(long) or room <= 0:
+            return shape
+        if len(long) > room:
+            long = long[np.argsort(-length[long], kind="stable")[:room]]
+        shape = _split_edges(shape, pairs, long)
+
+
+def _split_edges(shape: Shape, pairs: np.ndarray, chosen: np.ndarray) -> Shape:
+    """Split the chosen edges; a triangle with 1, 2 or 3 split edges becomes 2, 3 or 4 triangles."""
+    middle_of = np.full(len(pairs), -1)
+    middle_of[chosen] = len(shape.xyz) + np.arange(len(chosen))
+    xyz = np.concatenate([shape.xyz, shape.xyz[pairs[chosen]].mean(axis=1)])
+    ordered = _directed_edges(shape.triangles)
+    # One integer per edge is searched far faster than rows
+    key = pairs[:, 0].astype(np.int64) * len(shape.xyz) + pairs[:, 1]
+    edge = np.searchsorted(key, ordered[:, 0].astype(np.int64) * len(shape.xyz) + ordered[:, 1])
+    middles = middle_of[edge].reshape(3, -1).T  # of edges ab, bc, ca
+    count = (middles >= 0).sum(axis=1)
+    parts = [shape.triangles[count == 0]]
+    for triangles, mids in _turned(shape.triangles, middles, count):
+        a, b, c = triangles.T
+        ab, bc, ca = mids.T
+        match (mids[0] >= 0).sum():
+            case 1:
+                parts += [np.stack(t, 1) for t in ((a, ab, c), (ab, b, c))]
+            case 2:
+                parts += [np.stack(t, 1) for t in ((ab, b, bc), (a, ab, bc), (a, bc, c))]
+            case _:
+                parts += [np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    return Shape(xyz, np.concatenate(parts).astype(np.int32))
+
+
+def _turned(triangles: np.ndarray, middles: np.ndarray, count: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Group triangles by their number of split edges, turned so that the first edge is split and, of two, ca is not."""
+    # The edge to become ab: the split one of one; of two, the one that follows the whole edge
+    split = middles >= 0
+    first = np.where(count == 1, split.argmax(axis=1), (np.argmin(split, axis=1) + 1) % 3)
+    first[count == 3] = 0
+    order = (first[:, None] + np.arange(3)) % 3
+    triangles, middles = np.take_along_axis(triangles, order, 1), np.take_along_axis(middles, order, 1)
+    return [(triangles[count == n], middles[count == n]) for n in (1, 2, 3) if (count == n).any()]
+
+
+def _directed_edges(triangles: np.ndarray) -> np.ndarray:
+    """Return edges ab of all triangles, then bc, then ca, each with the smaller vertex first."""
+    return np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+
+
+def _sum_at_corners(shape: Shape, value: np.ndarray) -> np.ndarray:
+    return np.bincount(shape.triangles.ravel(), np.repeat(value, 3), minlength=len(shape.xyz))
