@@ -1,0 +1,167 @@
+"""The bpy scene of one worker: meshes and light once, then camera after camera.
+
+Blender's camera looks along -z with y up; ours along +z with y down. Every shape here follows `job.py`.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import bpy
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+from mathutils import Matrix
+
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
+from aug3d_core.rendering.exr import read_exr
+from aug3d_core.rendering.job import Emission, MeshFile, RenderJob, Sunlit
+
+_COLOUR = "colour"
+_SENSOR_MM = 36.0
+_FAR = 1e9  # Cycles writes 1e10 where a ray hits nothing
+_BLENDER_FROM_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def open_scene(job: RenderJob) -> None:
+    """Build the scene that all views of a job share."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    _set_render(scene, job)
+    for mesh in job.meshes:
+        _add_mesh(scene, mesh, job.light)
+    if isinstance(job.light, Sunlit):
+        _add_sun_and_sky(scene, job.light)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.sensor_fit, camera.data.sensor_width = "HORIZONTAL", _SENSOR_MM
+    camera.data.clip_start, camera.data.clip_end = 1e-4, 1e6
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def set_camera(
+    world_from_cam: Float[np.ndarray, "4 4"], intrinsics: Float[np.ndarray, " 4"], size: Int[np.ndarray, " 2"]
+) -> None:
+    """Place the camera; the principal point becomes a lens shift, unequal focal lengths the pixel aspect."""
+    scene = bpy.context.scene
+    fx, fy, cx, cy = map(float, intrinsics)
+    width, height = map(int, size)
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
+    aspect = fx / fy  # height of a pixel over its width; Blender wants both numbers at least 1
+    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = max(1.0, 1 / aspect), max(1.0, aspect)
+    lens = scene.camera.data
+    lens.lens = fx * _SENSOR_MM / width
+    lens.shift_x = (width / 2 - cx) / width
+    lens.shift_y = (cy - height / 2) * aspect / width
+    scene.camera.matrix_world = Matrix((world_from_cam @ _BLENDER_FROM_CAM).tolist())
+
+
+def render_colour(job: RenderJob, scratch: Path) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"]]:
+    """Render the view and return its sRGB colour (not darkened by alpha) and its alpha.
+
+    The pixel filter is a box one pixel wide: a pixel then is the mean over its own footprint, as on a sensor, and takes nothing
+    from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images and their alpha).
+    """
+    scene = bpy.context.scene
+    scene.cycles.samples, scene.cycles.use_denoising = job.samples, job.denoise
+    scene.cycles.pixel_filter_type = "BOX"
+    channels = _render(scratch)
+    alpha = np.clip(channels["A"], 0.0, 1.0)
+    linear = np.stack([channels[c] for c in "RGB"], axis=-1) / np.maximum(alpha, 1e-6)[..., None]
+    return srgb_from_linear(linear), np.rint(alpha * 255).astype(np.uint8)
+
+
+def render_depth(scratch: Path) -> Float[np.ndarray, "h w"]:
+    """Return the distance along the camera's z axis at every pixel's centre, 0 where there is nothing.
+
+    One ray per pixel with the narrowest filter, since Cycles keeps the depth of the first sample, wherever in the pixel it fell.
+    """
+    scene = bpy.context.scene
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "GAUSSIAN", 0.01
+    depth = _render(scratch)["Z"]
+    return np.where(depth < _FAR, depth, 0.0)
+
+
+def _render(scratch: Path) -> dict[str, Float[np.ndarray, "h w"]]:
+    path = scratch / "view.exr"
+    bpy.context.scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return {name.rpartition(".")[2]: image for name, image in read_exr(path).items()}
+
+
+def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
+    render, cycles = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.use_persistent_data = True  # keeps the acceleration structure from view to view
+    render.film_transparent = True
+    render.use_compositing = render.use_sequencer = False
+    render.threads_mode, render.threads = "FIXED", len(os.sched_getaffinity(0))
+    image = render.image_settings
+    image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format, image.exr_codec, image.color_depth = "OPEN_EXR_MULTILAYER", "NONE", "32"
+    scene.view_layers[0].use_pass_z = True
+    cycles.use_adaptive_sampling = False
+    cycles.seed = job.seed
+    cycles.max_bounces = cycles.diffuse_bounces = job.light.bounces if isinstance(job.light, Sunlit) else 0
+
+
+def _add_mesh(scene: bpy.types.Scene, file: MeshFile, light: Emission | Sunlit) -> None:
+    if file.texture is None:
+        mesh = Mesh.load(file.path)
+        data = _mesh_data(mesh.xyz, mesh.triangles)
+        rgba = np.ones((len(mesh.xyz), 4), np.float32)
+        rgba[:, :3] = linear_from_srgb(mesh.rgb)
+        data.attributes.new(_COLOUR, "FLOAT_COLOR", "POINT").data.foreach_set("color", rgba.ravel())
+    else:
+        with np.load(file.path) as arrays:
+            data = _mesh_data(arrays["vertices"], arrays["triangles"])
+            data.uv_layers.new(name="uv").data.foreach_set("uv", arrays["uv"].astype(np.float32).ravel())
+    data.materials.append(_material(file, light))
+    scene.collection.objects.link(bpy.data.objects.new(file.path.stem, data))
+
+
+def _mesh_data(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> bpy.types.Mesh:
+    data = bpy.data.meshes.new("mesh")
+    data.vertices.add(len(vertices))
+    data.vertices.foreach_set("co", vertices.astype(np.float32).ravel())
+    data.loops.add(triangles.size)
+    data.loops.foreach_set("vertex_index", triangles.astype(np.int32).ravel())
+    data.polygons.add(len(triangles))
+    data.polygons.foreach_set("loop_start", np.arange(0, triangles.size, 3, dtype=np.int32))
+    data.update()
+    data.shade_flat()
+    return data
+
+
+def _material(file: MeshFile, light: Emission | Sunlit) -> bpy.types.Material:
+    material = bpy.data.materials.new(file.path.stem)
+    tree = material.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    emits = isinstance(light, Emission)
+    shader = tree.nodes.new("ShaderNodeEmission" if emits else "ShaderNodeBsdfDiffuse")
+    if file.texture is None:
+        colour = tree.nodes.new("ShaderNodeAttribute")
+        colour.attribute_name = _COLOUR
+    else:
+        colour = tree.nodes.new("ShaderNodeTexImage")
+        colour.image = bpy.data.images.load(str(file.texture))
+    tree.links.new(colour.outputs["Color"], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _add_sun_and_sky(scene: bpy.types.Scene, light: Sunlit) -> None:
+    azimuth, elevation = np.radians([light.sun_azimuth_deg, light.sun_elevation_deg])
+    sun = bpy.data.lights.new("sun", "SUN")
+    sun.energy, sun.color, sun.angle = light.sun_strength, light.sun_colour, np.radians(0.53)
+    lamp = bpy.data.objects.new("sun", sun)
+    # A lamp shines along its -z: tilt that from straight down, then turn it about the vertical.
+    lamp.rotation_euler = (np.pi / 2 - elevation, 0.0, np.pi - azimuth)
+    scene.collection.objects.link(lamp)
+    scene.world = bpy.data.worlds.new("sky")
+    background = scene.world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = (*light.sky_colour, 1.0)
+    background.inputs["Strength"].default_value = light.sky_strength
