@@ -26,11 +26,10 @@ GROUPING = Stage("grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.
 SURFACE = Stage("surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d", "pycolmap"), "render_psnr")
 SAMPLING = Stage("sampling", SamplingConfig, ("sfm", "grouping", "surface"), "aug3d_core.sampling.stage:run", ("open3d",), "views_planned")
 RENDERING = Stage("rendering", RenderingConfig, ("surface", "sampling"), "aug3d_core.rendering.stage:run", ("bpy",), "kept_share", resumable=True)
-DATASET = Stage("dataset", DatasetConfig, ("sfm", "grouping", "surface", "rendering"), "aug3d_core.dataset.stage:run", ("zarr",), "views")
+DATASET = Stage("dataset", DatasetConfig, ("sfm", "grouping", "surface", "sampling", "rendering"), "aug3d_core.dataset.stage:run", ("zarr",), "views")
 TRAINING = Stage("training", TrainingConfig, ("dataset",), "aug3d_core.nerf.training_stage:run", ("torch",), "train_psnr", resumable=True)
 EVALUATION = Stage("evaluation", EvaluationConfig, ("dataset", "training"), "aug3d_core.nerf.evaluation_stage:run", ("torch",), "test_psnr_mean")
 
-STAGES = {
-    stage.name: stage
-    for stage in (TOWN, PHOTOS, SFM, TRUTH, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
-}
+FROM_PHOTOS = (PHOTOS, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
+FROM_TOWN = (TOWN, PHOTOS, SFM, TRUTH, *FROM_PHOTOS[2:])
+STAGES = {stage.name: stage for stage in FROM_TOWN}

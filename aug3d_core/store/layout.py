@@ -8,6 +8,8 @@ WORK = "work"
 LOCKS = "locks"
 FAILURES = "failures"
 SCENES = "scenes"
+MLFLOW_DATABASE = "mlflow.db"
+MLFLOW_ARTIFACTS = "mlflow-artifacts"
 
 # One object
 FILES = "files"

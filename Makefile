@@ -1,0 +1,25 @@
+# The two commands of the README: make demo, make test. Both set up what is missing first.
+SHELL := /bin/bash
+VENV := .venv
+PY := $(VENV)/bin/python
+READY := $(VENV)/.ready
+
+.PHONY: demo test check setup clean
+
+demo: $(READY)  ## the whole factory on the built-in town
+	@$(VENV)/bin/aug3d demo
+
+test: $(READY)  ## every test, with the real engines
+	@$(PY) -m pytest
+
+check: $(READY)  ## lint, types and the quick tests, for daily work
+	@$(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright && $(PY) -m pytest -m "not slow" -q
+
+setup: $(READY)  ## install only
+
+$(READY): pyproject.toml constraints.txt infra/setup.sh
+	@infra/setup.sh $(VENV)
+	@touch $(READY)
+
+clean:  ## drop the environment and what the demo made
+	rm -rf $(VENV) aug3d_data

@@ -1,0 +1,92 @@
+"""Is this machine able? Each check says what it found and, where that is not enough, the one thing to do."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+import psutil
+
+from aug3d_core.stage import Frozen
+
+# Each engine is imported in a process of its own: two native libraries in one process corrupt memory.
+_ENGINES = ("pycolmap", "open3d", "bpy", "torch")
+_APT = {
+    "libusb-1.0.so.0": "libusb-1.0-0",
+    "libX11.so.6": "libx11-6",
+    "libXrender.so.1": "libxrender1",
+    "libXi.so.6": "libxi6",
+    "libXfixes.so.3": "libxfixes3",
+    "libXxf86vm.so.1": "libxxf86vm1",
+    "libxkbcommon.so.0": "libxkbcommon0",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+    "libgomp.so.1": "libgomp1",
+}
+_NEED_DISK_GIB, _NEED_MEMORY_GIB = 3, 6
+
+
+class Check(Frozen):
+    """One thing looked at."""
+
+    name: str
+    state: Literal["ok", "warn", "fail"]
+    found: str
+    remedy: str = ""
+
+
+def examine(home: Path) -> list[Check]:
+    """Look at everything a run needs."""
+    return [_python(), *map(_engine, _ENGINES), _memory(), _disk(home), _cores(), _gpu()]
+
+
+def _python() -> Check:
+    found = sys.version.split()[0]
+    if sys.version_info[:2] == (3, 11):
+        return Check(name="python", state="ok", found=found)
+    return Check(name="python", state="fail", found=found, remedy="bpy has wheels for Python 3.11 only: run make demo, which fetches one")
+
+
+def _engine(name: str) -> Check:
+    try:
+        found = version(name)
+    except PackageNotFoundError:
+        return Check(name=name, state="fail", found="not installed", remedy="run make demo, which installs it")
+    done = subprocess.run([sys.executable, "-c", f"import {name}"], capture_output=True, text=True, timeout=300)
+    if done.returncode == 0:
+        return Check(name=name, state="ok", found=found)
+    lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+    missing = next((package for library, package in _APT.items() if library in done.stderr), None)
+    remedy = f"apt-get install -y {missing}" if missing else "run make demo, which installs the system libraries"
+    return Check(name=name, state="fail", found=f"{found} cannot be imported: {lines[-1]}", remedy=remedy)
+
+
+def _memory() -> Check:
+    gib = psutil.virtual_memory().total / 2**30
+    state = "ok" if gib >= _NEED_MEMORY_GIB else "warn"
+    return Check(name="memory", state=state, found=f"{gib:.1f} GiB", remedy=f"the demo needs {_NEED_MEMORY_GIB} GiB")
+
+
+def _disk(home: Path) -> Check:
+    place = next(folder for folder in (home.resolve(), *home.resolve().parents) if folder.exists())
+    gib = shutil.disk_usage(place).free / 2**30
+    state = "ok" if gib >= _NEED_DISK_GIB else "warn"
+    if not os.access(place, os.W_OK):
+        return Check(name="disk", state="fail", found=f"{place} cannot be written", remedy="choose another folder with --home DIR")
+    return Check(name="disk", state=state, found=f"{gib:.0f} GiB free at {place}", remedy=f"the demo needs {_NEED_DISK_GIB} GiB")
+
+
+def _cores() -> Check:
+    return Check(name="cores", state="ok", found=str(len(os.sched_getaffinity(0))))
+
+
+def _gpu() -> Check:
+    nvidia = shutil.which("nvidia-smi")
+    return Check(name="gpu", state="ok", found="nvidia-smi is here" if nvidia else "none; everything runs on the CPU")

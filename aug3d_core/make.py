@@ -1,0 +1,104 @@
+"""Make one object, or find it made: key, lock, isolated run, commit."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from aug3d_core.errors import StageFailed
+from aug3d_core.isolation import run_isolated
+from aug3d_core.photos.folder import folder_digest
+from aug3d_core.stage import Frozen, Outcome, Progress, Stage, StageConfig
+from aug3d_core.stage_main import Job
+from aug3d_core.store import layout
+from aug3d_core.store.keys import engine_versions, object_key
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store, disk_full, write_synced
+
+
+class Source(Frozen):
+    """An input of a stage: a folder of files, and the digest of what is in it."""
+
+    path: Path
+    digest: str
+
+
+def source_of(store: Store, record: Record) -> Source:
+    """Return a finished object as the input of the next stage."""
+    return Source(path=store.files_dir(record), digest=record.digest)
+
+
+def gather(store: Store, stage: Stage, records: Mapping[str, Record], photos: Path | None) -> dict[str, Source]:
+    """Return the inputs of a stage from the records so far; `photos` is the user's folder, or None for the town's."""
+    return {
+        name: _photo_folder(store, records, photos) if name == "folder" else source_of(store, records[name])
+        for name in stage.inputs
+    }
+
+
+def _photo_folder(store: Store, records: Mapping[str, Record], photos: Path | None) -> Source:
+    folder = photos if photos is not None else store.files_dir(records["town"]) / layout.TOWN_PHOTOS
+    return Source(path=folder, digest=folder_digest(folder))
+
+
+def key_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> str:
+    """Return the key of the object that these inputs make."""
+    return object_key(stage, config, {name: source.digest for name, source in sources.items()})
+
+
+def make(store: Store, stage: Stage, config: StageConfig, sources: Mapping[str, Source], progress: Progress) -> Record:
+    """Return the object's record, computing it unless the store has it; raises StageFailed.
+
+    Whoever comes second waits for the lock and then finds the object made.
+    """
+    key = key_of(stage, config, sources)
+    with store.lock(stage.name, key):
+        record = store.find(stage.name, key)
+        return record if record is not None else _compute(store, stage, key, config, sources, progress)
+
+
+def _compute(
+    store: Store, stage: Stage, key: str, config: StageConfig, sources: Mapping[str, Source], progress: Progress
+) -> Record:
+    work = store.work_dir(stage.name, key)
+    try:
+        if work.exists() and not stage.resumable:
+            shutil.rmtree(work)
+        work.mkdir(parents=True, exist_ok=True)
+        inputs = {name: source.path for name, source in sources.items()}
+        job = Job(stage=stage.name, config=config.model_dump(mode="json"), inputs=inputs)
+        write_synced(work / layout.JOB, job.model_dump_json(indent=1).encode())
+        cost = run_isolated(stage, work, progress)
+        outcome = Outcome.model_validate_json((work / layout.OUTCOME).read_bytes())
+        for left in (layout.OUTCOME, layout.PROGRESS):
+            (work / left).unlink(missing_ok=True)
+        fields = {
+            **outcome.model_dump(),
+            "config": job.config,
+            "inputs": {name: source.digest for name, source in sources.items()},
+            "versions": engine_versions(stage),
+            "seconds": round(cost.seconds, 3),
+            "peak_mib": round(cost.peak_mib, 1),
+        }
+        return store.commit(work, stage.name, key, fields)
+    except StageFailed as failure:
+        kept = store.keep_failure(work, stage.name, key, keep_files=stage.resumable)
+        failure.replay = failure.replay.replace(str(work), str(kept))
+        raise
+    except OSError as error:
+        if not disk_full(error):
+            raise
+        raise _disk_failure(store, stage, error) from error
+
+
+def _disk_failure(store: Store, stage: Stage, error: OSError) -> StageFailed:
+    free_mib = shutil.disk_usage(store.root).free / 2**20
+    return StageFailed(
+        stage.name,
+        "disk",
+        f"no space left on the disk of {store.root}: {error}",
+        f"free some space (now {free_mib:.0f} MiB free) or choose another disk with --home DIR, then run again",
+        log_tail="",
+        replay="",
+    )

@@ -1,0 +1,83 @@
+"""The stage's own process: `python -m aug3d_core.<package> job.json` runs what the factory ran.
+
+The job's folder receives `files/` (the output), `outcome.json` or `error.json`, and `progress.json` while it works.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from aug3d_core.errors import Aug3dError
+from aug3d_core.parent import SUPERVISED, die_with_parent
+from aug3d_core.stages import STAGES
+from aug3d_core.store import layout
+from aug3d_core.store.store import disk_full, write_synced
+
+_PROGRESS_PERIOD_S = 0.2
+
+
+class Job(BaseModel):
+    """What a stage's process is told; JSON beside the output."""
+
+    stage: str
+    config: dict
+    inputs: dict[str, Path]
+
+
+def main() -> None:
+    """Run the job named on the command line; exit code 0, or 1 with `error.json`."""
+    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+        print("usage: python -m aug3d_core.<package> job.json\n\nRun one stage again, exactly as the factory ran it.")
+        sys.exit(0 if "-h" in sys.argv[1:2] or "--help" in sys.argv[1:2] else 2)
+    if SUPERVISED in os.environ:
+        die_with_parent()
+    faulthandler.enable()
+    job_file = Path(sys.argv[1]).resolve()
+    try:
+        run_job(Job.model_validate_json(job_file.read_bytes()), job_file.parent)
+    except Exception as error:
+        traceback.print_exc()
+        write_synced(job_file.parent / layout.ERROR, json.dumps(_described(error)).encode())
+        sys.exit(1)
+
+
+def run_job(job: Job, folder: Path) -> None:
+    """Run the stage function and write what it reports."""
+    stage = STAGES[job.stage]
+    out = folder / layout.FILES
+    out.mkdir(exist_ok=True)
+    outcome = stage.function()(job.inputs, stage.config.model_validate(job.config), out, _progress_writer(folder))
+    write_synced(folder / layout.OUTCOME, outcome.model_dump_json().encode())
+
+
+def _described(error: Exception) -> dict[str, str]:
+    if isinstance(error, Aug3dError):
+        return {"cause": "error", "problem": error.problem, "remedy": error.remedy}
+    if isinstance(error, OSError) and disk_full(error):
+        return {"cause": "disk", "problem": str(error), "remedy": ""}
+    if isinstance(error, MemoryError):
+        return {"cause": "memory", "problem": "out of memory", "remedy": "use a smaller preset or fewer photographs"}
+    return {"cause": "error", "problem": f"{type(error).__name__}: {error}", "remedy": "read the log, then run the replay command"}
+
+
+def _progress_writer(folder: Path):  # noqa: ANN202 - a Progress
+    last = 0.0
+
+    def progress(done: int, total: int, what: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _PROGRESS_PERIOD_S or done >= total:
+            last = now
+            temporary = folder / f".{layout.PROGRESS}"
+            temporary.write_text(json.dumps({"done": done, "total": total, "what": what}))
+            temporary.replace(folder / layout.PROGRESS)
+
+    return progress

@@ -1,0 +1,1 @@
+"""Immutable, content-addressed outputs: records, keys, atomic commit, verification, locks. The only place that spells a path."""

@@ -1,0 +1,88 @@
+"""The key of a piece of work: a hash of everything that can change its result.
+
+key = sha256(stage name, digest of the stage's code, configuration, input digests, engine versions). The seed is a field of
+the configuration. The code digest follows the imports of the stage function through `aug3d_core`, so that a change in
+`geometry/` reaches every stage that uses it, and a change in `nerf/` does not reach SfM.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+
+from aug3d_core.stage import Stage, StageConfig
+
+
+def object_key(stage: Stage, config: StageConfig, input_digests: Mapping[str, str]) -> str:
+    """Return the key of the object that `stage` makes from these inputs."""
+    parts = {
+        "stage": stage.name,
+        "code": code_digest(stage.entry.partition(":")[0]),
+        "config": config.model_dump(mode="json"),
+        "inputs": dict(input_digests),
+        "engines": engine_versions(stage),
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def engine_versions(stage: Stage) -> dict[str, str]:
+    """Return the installed version of each engine that the stage runs on; numpy is one of every stage's."""
+    return {engine: version(engine) for engine in ("numpy", *stage.engines)}
+
+
+@lru_cache
+def code_digest(module: str) -> str:
+    """Hash a module and every `aug3d_core` module it imports, at any depth. Comments and layout do not count."""
+    sources = {name: _syntax(_source_path(name)) for name in sorted(_import_closure(module))}
+    return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()
+
+
+def _import_closure(module: str) -> set[str]:
+    seen: set[str] = set()
+    queue = [module]
+    while queue:
+        name = queue.pop()
+        if name not in seen:
+            seen.add(name)
+            queue.extend(imported_modules(_source_path(name)))
+    return seen
+
+
+def imported_modules(source: Path) -> set[str]:
+    """Return the `aug3d_core` modules that a source file imports, inside functions too."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_bytes())):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            found.add(node.module)
+            found.update(f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            # `[sys.executable, "-m", "aug3d_core.rendering.worker"]`: a worker process is code of the stage too
+            found.add(node.value.partition(":")[0])
+    return {name for name in found if name.startswith("aug3d_core") and _exists(name)}
+
+
+@lru_cache
+def _exists(module: str) -> bool:
+    return all(part.isidentifier() for part in module.split(".")) and _source_path(module).is_file()
+
+
+def _source_path(module: str) -> Path:
+    # Only the top package is looked up: looking up a submodule would import its parents, engines and all.
+    top, *parts = module.split(".")
+    spec = importlib.util.find_spec(top)
+    if spec is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(module)
+    path = Path(spec.submodule_search_locations[0]).joinpath(*parts)
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def _syntax(source: Path) -> str:
+    return ast.dump(ast.parse(source.read_bytes()))

@@ -1,0 +1,49 @@
+"""The record of one finished object: what made it, what it holds, what it cost and how good it is. JSON, no arrays."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+from aug3d_core.stage import Frozen, Metric, State
+
+
+class FileEntry(Frozen):
+    """One file of an object. Size and modification time are a quick check; the sha256 is the truth."""
+
+    sha256: str
+    size_bytes: int
+    mtime_ns: int
+
+
+class Record(Frozen):
+    """What stands in `record.json`, written last.
+
+    key identifies the work (code, config, inputs, engines); digest identifies the result (paths and bytes of the files).
+    """
+
+    stage: str
+    key: str
+    digest: str
+    config: dict[str, Any]
+    inputs: dict[str, str]  # upstream stage -> digest of its result
+    versions: dict[str, str]  # engine -> version
+    files: dict[str, FileEntry]  # path relative to files/ -> entry
+    metrics: dict[str, Metric]
+    state: State
+    notes: tuple[str, ...]
+    series: dict[str, tuple[tuple[int, float], ...]]
+    pictures: dict[str, str]
+    seconds: float
+    peak_mib: float
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes that the object's files occupy."""
+        return sum(entry.size_bytes for entry in self.files.values())
+
+
+def files_digest(files: dict[str, FileEntry]) -> str:
+    """Digest of a result: every path with the sha256 of its bytes, in order; times do not enter."""
+    lines = "".join(f"{path}\0{files[path].sha256}\n" for path in sorted(files))
+    return hashlib.sha256(lines.encode()).hexdigest()

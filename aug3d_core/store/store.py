@@ -1,0 +1,156 @@
+"""The store: `objects/<stage>/<key>/` with `record.json`, `job.json`, `log.txt` and `files/`.
+
+An object is made in `work/<stage>/<key>/` and moved into place by one rename, its record written last, so a half-written
+object cannot be seen. Work folders survive a kill: a resumable stage goes on where it was.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+from pydantic import ValidationError
+
+from aug3d_core.errors import StoreError
+from aug3d_core.store import layout
+from aug3d_core.store.record import FileEntry, Record, files_digest
+
+
+class Store:
+    """Immutable objects under one folder."""
+
+    def __init__(self, root: Path) -> None:
+        """Open or create the store; raises StoreError if the folder cannot be written."""
+        self.root = root.resolve()
+        try:
+            for name in (layout.OBJECTS, layout.WORK, layout.LOCKS, layout.FAILURES, layout.SCENES):
+                (self.root / name).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(
+                f"the store {self.root} cannot be opened: {error.strerror}",
+                "choose a folder that you can write with --home DIR or AUG3D_HOME",
+            ) from error
+        if not os.access(self.root, os.W_OK):
+            raise StoreError(f"the store {self.root} is read-only", "choose another folder with --home DIR or AUG3D_HOME")
+
+    def object_dir(self, stage: str, key: str) -> Path:
+        """Return the folder of a finished object."""
+        return self.root / layout.OBJECTS / stage / key
+
+    def files_dir(self, record: Record) -> Path:
+        """Return the folder that holds the object's files."""
+        return self.object_dir(record.stage, record.key) / layout.FILES
+
+    def work_dir(self, stage: str, key: str) -> Path:
+        """Return the folder in which an object is being made."""
+        return self.root / layout.WORK / stage / key
+
+    def failure_dir(self, stage: str, key: str) -> Path:
+        """Return the folder that keeps the job and log of the last failed try."""
+        return self.root / layout.FAILURES / stage / key
+
+    @contextmanager
+    def lock(self, stage: str, key: str, timeout_s: float = -1.0) -> Iterator[None]:
+        """Hold the right to make an object. The operating system frees it when the holder dies."""
+        try:
+            with FileLock(self.root / layout.LOCKS / f"{stage}-{key}.lock", timeout=timeout_s):
+                yield
+        except Timeout as error:
+            raise StoreError(f"another process is making {stage} {key}", "wait for it, or end it") from error
+
+    def find(self, stage: str, key: str) -> Record | None:
+        """Return the record of a complete, unaltered object. An altered one is moved out of the way."""
+        folder = self.object_dir(stage, key)
+        try:
+            record = Record.model_validate_json((folder / layout.RECORD).read_bytes())
+        except (FileNotFoundError, ValidationError):
+            record = None
+        if record is not None and all(_intact(folder / layout.FILES / path, e) for path, e in record.files.items()):
+            return record
+        if folder.exists():
+            _discard(folder)
+        return None
+
+    def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
+        """Turn a work folder into an object: digest the files, write the record last, sync, rename."""
+        files = {p.relative_to(work / layout.FILES).as_posix(): p for p in _files_under(work / layout.FILES)}
+        entries = {name: file_entry(path) for name, path in sorted(files.items())}
+        record = Record(stage=stage, key=key, digest=files_digest(entries), files=entries, **record_fields)
+        write_synced(work / layout.RECORD, record.model_dump_json(indent=1).encode())
+        target = self.object_dir(stage, key)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        work.rename(target)
+        _sync_folder(target.parent)
+        return record
+
+    def keep_failure(self, work: Path, stage: str, key: str, *, keep_files: bool) -> Path:
+        """Copy job and log of a failed try where the user can replay it; drop partial files unless they can be resumed."""
+        kept = self.failure_dir(stage, key)
+        kept.mkdir(parents=True, exist_ok=True)
+        for name in (layout.JOB, layout.LOG, layout.ERROR):
+            if (work / name).exists():
+                shutil.copyfile(work / name, kept / name)
+        if not keep_files:
+            shutil.rmtree(work, ignore_errors=True)
+        return kept
+
+
+def file_entry(path: Path) -> FileEntry:
+    """Hash one file and flush it to the disk."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        for block in iter(lambda: file.read(1 << 20), b""):
+            digest.update(block)
+        os.fsync(file.fileno())
+        stat = os.fstat(file.fileno())
+    return FileEntry(sha256=digest.hexdigest(), size_bytes=stat.st_size, mtime_ns=stat.st_mtime_ns)
+
+
+def write_synced(path: Path, content: bytes) -> None:
+    """Write a small file so that it is either old or new after a crash, never half."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with temporary.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
+def disk_full(error: OSError) -> bool:
+    """Say whether an error means that nothing more can be written."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def _intact(path: Path, entry: FileEntry) -> bool:
+    try:
+        stat = path.stat()
+    except OSError:
+        return False
+    if (stat.st_size, stat.st_mtime_ns) == (entry.size_bytes, entry.mtime_ns):
+        return True  # as git does: unchanged size and time mean unchanged bytes
+    return stat.st_size == entry.size_bytes and file_entry(path).sha256 == entry.sha256
+
+
+def _files_under(folder: Path) -> Iterator[Path]:
+    return (path for path in folder.rglob("*") if path.is_file())
+
+
+def _discard(folder: Path) -> None:
+    """Take an object out of sight first: a delete that is cut short must not leave a folder that looks whole."""
+    gone = folder.with_name(f".gone-{folder.name}-{os.getpid()}")
+    folder.rename(gone)
+    shutil.rmtree(gone)
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

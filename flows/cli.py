@@ -1,0 +1,186 @@
+"""The command line. Exit codes: 0 done, 1 failed with a typed error, 2 wrong use, 3 done but degraded."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from aug3d_core.doctor import examine
+from aug3d_core.errors import Aug3dError, StageFailed, UsageError
+from aug3d_core.scene_config import PRESETS, SceneConfig, scene_config
+from aug3d_core.scene_name import check_scene_name
+from aug3d_core.store.scenes import last_version
+from aug3d_core.store.store import Store
+from flows.plan import planned
+from flows.settings import apply_local_environment
+from flows.summary import print_summary
+
+app = typer.Typer(
+    name="aug3d",
+    help="From drone photographs to a trained PixelNeRF, and the truth about how good it is.\n\n"
+    "Start with [bold]aug3d demo[/], then [bold]aug3d run my_scene --photos DIR[/].",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+Home = Annotated[
+    Path, typer.Option("--home", envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.", show_default=True)
+]
+Preset = Annotated[str, typer.Option(help=f"Size of everything: {', '.join(PRESETS)}.")]
+Set = Annotated[
+    list[str], typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed and what is cached, and stop.")]
+DEFAULT_HOME = Path("aug3d_data")
+
+
+@app.command()
+def demo(
+    home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False, dry_run: DryRun = False
+) -> None:
+    """Run the whole factory on the built-in town: minutes on 2 cores. A second time nothing is computed again."""
+    with _typed_errors(as_json):
+        _run("demo", None, home, preset, set_, as_json, dry_run)
+
+
+@app.command()
+def run(
+    scene: Annotated[str, typer.Argument(help="Name of the scene: letters, digits, '-' and '_'.")],
+    photos: Annotated[Path, typer.Option(help="Folder of photographs (JPEG, PNG, TIFF; subfolders too).")],
+    home: Home = DEFAULT_HOME,
+    preset: Preset = "tiny",
+    set_: Set = [],
+    as_json: AsJson = False,
+    dry_run: DryRun = False,
+) -> None:
+    """Run the whole factory on your photographs.
+
+    Killed half way? Run the same command again: finished stages are not computed twice.
+    """
+    with _typed_errors(as_json):
+        check_scene_name(scene)
+        if not photos.is_dir():
+            what = "is a file, not a folder" if photos.exists() else "does not exist"
+            raise UsageError(f"--photos {photos} {what}", "give the folder that holds the photographs")
+        _run(scene, photos.resolve(), home, preset, set_, as_json, dry_run)
+
+
+@app.command()
+def show(
+    scene: Annotated[str, typer.Argument(help="Name of the scene.")], home: Home = DEFAULT_HOME, as_json: AsJson = False
+) -> None:
+    """Show what exists of a scene, what it cost, how good it is, and where the report is."""
+    with _typed_errors(as_json):
+        metrics = last_version(Store(home), scene)
+        if as_json:
+            print(json.dumps(metrics, indent=1))
+        else:
+            print_summary(Console(), metrics)
+            _print_failure(metrics)
+
+
+@app.command()
+def doctor(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
+    """Check whether this machine can run aug3d: Python, libraries, disk, memory, GPU; and what to do if not."""
+    checks = examine(home)
+    if as_json:
+        print(json.dumps([check.model_dump() for check in checks], indent=1))
+    else:
+        marks = {"ok": "[green]ok  [/]", "warn": "[yellow]warn[/]", "fail": "[red]FAIL[/]"}
+        for check in checks:
+            Console().print(f"{marks[check.state]} {check.name:<18} {escape(check.found)}", highlight=False, soft_wrap=True)
+            if check.state != "ok":
+                Console().print(f"     {'':<18} -> {escape(check.remedy)}", highlight=False, soft_wrap=True)
+    raise typer.Exit(1 if any(check.state == "fail" for check in checks) else 0)
+
+
+def _run(
+    scene: str, photos: Path | None, home: Path, preset: str, overrides: list[str], as_json: bool, dry_run: bool
+) -> None:
+    config = scene_config(preset, overrides)
+    store = Store(home)
+    if dry_run:
+        _print_plan(store, photos, config, as_json)
+        return
+    metrics = _run_flow(store, scene, photos, preset, config, Console(stderr=as_json))
+    if as_json:
+        print(json.dumps(metrics, indent=1))
+    else:
+        print_summary(Console(), metrics)
+        _print_next(scene)
+    raise typer.Exit(3 if metrics["state"] == "degraded" else 0)
+
+
+def _run_flow(
+    store: Store, scene: str, photos: Path | None, preset: str, config: SceneConfig, console: Console
+) -> dict[str, Any]:
+    apply_local_environment(store.root)
+    # Prefect reads its settings when it is imported, so it is imported after they are set.
+    from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
+    from flows.display import Display
+    from flows.factory import factory
+    from tasks.progress import listening
+
+    with Display(console, FROM_PHOTOS if photos else FROM_TOWN) as display, listening(display):
+        return factory(scene, str(photos) if photos else None, preset, config, str(store.root))
+
+
+def _print_plan(store: Store, photos: Path | None, config: SceneConfig, as_json: bool) -> None:
+    plan = [(stage.name, record is not None) for stage, record in planned(store, photos, config)]
+    if as_json:
+        print(json.dumps([{"stage": name, "cached": cached} for name, cached in plan], indent=1))
+        return
+    for name, cached in plan:
+        print(f"{'cached ' if cached else 'compute'}  {name}")
+
+
+def _print_failure(metrics: dict[str, Any]) -> None:
+    if "failure" in metrics:
+        Console().print(f"[red]failed[/] {escape(metrics['failure']['problem'])}\n  -> {escape(metrics['failure']['remedy'])}")
+
+
+def _print_next(scene: str) -> None:
+    print(f"\nnext: aug3d show {scene} · aug3d run my_scene --photos DIR · aug3d run --help")
+
+
+@contextmanager
+def _typed_errors(as_json: bool) -> Iterator[None]:
+    """Print an error that people can act on, and leave with the exit code that programs read."""
+    try:
+        yield
+    except Aug3dError as error:
+        if as_json:
+            print(json.dumps({"state": "refused", "failure": {"problem": error.problem, "remedy": error.remedy}}))
+        else:
+            _print_error(error)
+        raise typer.Exit(2 if isinstance(error, UsageError) else 1) from error
+    except KeyboardInterrupt:
+        print("stopped; run the same command again to go on where it was", file=sys.stderr)
+        raise typer.Exit(130) from None
+
+
+def _print_error(error: Aug3dError) -> None:
+    console = Console(stderr=True)
+    if isinstance(error, StageFailed):
+        console.print(f"[dim]{escape(error.log_tail)}[/]", highlight=False)
+    console.print(f"[bold red]error[/] {escape(error.problem)}", highlight=False, soft_wrap=True)
+    console.print(f"  -> {escape(error.remedy)}", highlight=False, soft_wrap=True)
+    if isinstance(error, StageFailed) and error.replay:
+        console.print(f"  replay: {escape(error.replay)}", highlight=False, soft_wrap=True)
+
+
+def main() -> None:
+    """Enter from the console script."""
+    os.environ.setdefault("PYTHONWARNINGS", "ignore")
+    app()

@@ -1,0 +1,29 @@
+"""Settings of Prefect and MLflow for a run on one machine, set before either is imported. What the user set wins."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def local_environment(home: Path) -> dict[str, str]:
+    """Return the environment that keeps every database, result and artifact under `home` and sends nothing out."""
+    return {
+        "PREFECT_HOME": str(home / "prefect"),
+        "PREFECT_LOCAL_STORAGE_PATH": str(home / "prefect" / "results"),
+        # A busy machine needs longer than the default 20 s to start the server that lives as long as the run.
+        "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "180",
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+        "PREFECT_LOGGING_LEVEL": "CRITICAL",  # the command line tells what happens; each stage has its own log
+        "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
+        "PREFECT_CLIENT_METRICS_ENABLED": "false",
+        "DO_NOT_TRACK": "1",
+        "MLFLOW_DISABLE_TELEMETRY": "true",
+        "MLFLOW_LOGGING_LEVEL": "ERROR",
+    }
+
+
+def apply_local_environment(home: Path) -> None:
+    """Set what the user has not set."""
+    for name, value in local_environment(home).items():
+        os.environ.setdefault(name, value)

@@ -1,0 +1,66 @@
+"""The end of a run as a person reads it: stages, the model beside the cheap answers, where things are, what is next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from aug3d_core.stages import STAGES
+from flows.display import figure
+
+
+def print_summary(console: Console, metrics: dict[str, Any]) -> None:
+    """Print everything a run tells."""
+    console.print(_stage_table(metrics))
+    if "nvs" in metrics:
+        console.print(_view_synthesis_table(metrics["nvs"]))
+    for stage, figures in metrics["stages"].items():
+        for note in figures["notes"]:
+            console.print(f"[yellow]note[/] {stage}: {note}", highlight=False)
+    _print_places(console, metrics)
+
+
+def _stage_table(metrics: dict[str, Any]) -> Table:
+    table = Table(
+        "stage", title=f"{metrics['scene']} ({metrics['preset']}): {metrics['state']} in {metrics['seconds']:.0f} s"
+    )
+    for heading in ("seconds", "peak MiB", "MiB on disk"):
+        table.add_column(heading, justify="right")
+    for heading in ("accuracy", "cached", "state"):
+        table.add_column(heading)
+    for name, figures in metrics["stages"].items():
+        accuracy = STAGES[name].accuracy
+        table.add_row(
+            name,
+            f"{figures['seconds']:.1f}",
+            f"{figures['peak_mib']:.0f}",
+            f"{figures['size_mib']:.1f}",
+            f"{accuracy} = {figure(figures['metrics'].get(accuracy))}",
+            "yes" if figures["cached"] else "no",
+            figures["state"],
+        )
+    return table
+
+
+def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
+    low, high = nvs["test_psnr_ci"]
+    table = Table("answer", title=f"held-out real photographs: {nvs['test_views']} views")
+    table.add_column("PSNR dB", justify="right")
+    table.add_column("SSIM", justify="right")
+    table.add_row("PixelNeRF (model)", f"{nvs['test_psnr_mean']:.2f}  [{low:.2f}, {high:.2f}]", f"{nvs['test_ssim_mean']:.3f}")
+    for name, psnr in nvs["cheap"].items():
+        table.add_row(name.replace("_", " "), "-" if psnr is None else f"{psnr:.2f}", "")
+    return table
+
+
+def _print_places(console: Console, metrics: dict[str, Any]) -> None:
+    paths = metrics["paths"]
+    places = {"report": paths["report"], "metrics": paths["metrics"], "MLflow": f"mlflow ui --backend-store-uri {paths['mlflow']}"}
+    if "rendering" in paths["objects"]:
+        places["renders"] = paths["objects"]["rendering"]
+    if "dataset" in paths["objects"]:
+        places["data set"] = paths["objects"]["dataset"]
+    for name, place in places.items():
+        console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)

@@ -1,0 +1,60 @@
+"""Tell whoever listens how far the work is: the command line's live table, a test, or nobody."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol
+
+from aug3d_core.stage import Progress
+
+if TYPE_CHECKING:
+    from tasks.objects import Made
+
+
+class Listener(Protocol):
+    """What a display of progress understands."""
+
+    def started(self, stage: str) -> None:
+        """A stage begins (it may turn out to be cached)."""
+
+    def advanced(self, stage: str, done: int, total: int, what: str) -> None:
+        """A stage has done `done` of `total`."""
+
+    def finished(self, made: Made) -> None:
+        """A stage's object is there."""
+
+
+_listeners: list[Listener] = []
+
+
+@contextmanager
+def listening(listener: Listener) -> Iterator[None]:
+    """Send progress to a listener while the block runs."""
+    _listeners.append(listener)
+    try:
+        yield
+    finally:
+        _listeners.remove(listener)
+
+
+def started(stage: str) -> None:
+    """Pass on that a stage begins."""
+    for listener in _listeners:
+        listener.started(stage)
+
+
+def finished(made: Made) -> None:
+    """Pass on that a stage's object is there."""
+    for listener in _listeners:
+        listener.finished(made)
+
+
+def reporter(stage: str) -> Progress:
+    """Return the progress function of a stage."""
+
+    def advanced(done: int, total: int, what: str) -> None:
+        for listener in _listeners:
+            listener.advanced(stage, done, total, what)
+
+    return advanced

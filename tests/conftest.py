@@ -1,0 +1,36 @@
+"""What every test shares: array shapes are checked, Prefect runs in a database of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+# The shapes in the annotations are checked while testing; this must run before aug3d_core is imported.
+install_import_hook("aug3d_core.geometry", "beartype.beartype")
+
+REAL_PHOTOS = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def prefect(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Give the tests a Prefect server and results folder that end with them."""
+    from flows.settings import local_environment
+
+    for name, value in local_environment(tmp_path_factory.mktemp("home")).items():
+        os.environ[name] = value
+    from prefect.testing.utilities import prefect_test_harness
+
+    with prefect_test_harness(server_startup_timeout=180):
+        yield
+
+
+@pytest.fixture(scope="session")
+def real_photos() -> Path:
+    """Return the folder of real photo sets, or skip."""
+    if not REAL_PHOTOS.is_dir():
+        pytest.skip(f"the real photo sets are not at {REAL_PHOTOS}")
+    return REAL_PHOTOS

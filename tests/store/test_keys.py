@@ -1,0 +1,51 @@
+"""A key changes with everything that can change a result, and with nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aug3d_core import stages
+from aug3d_core.store import keys
+from tests_support import FakeConfig, fake_stage
+
+
+@pytest.fixture
+def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    keys.code_digest.cache_clear()
+    return fake_stage(tmp_path)
+
+
+def key(stage, do: str = "succeed", **inputs: str) -> str:
+    keys.code_digest.cache_clear()
+    return keys.object_key(stage, FakeConfig(do=do), inputs)
+
+
+def test_key_changes_with_config_inputs_and_engine(stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = key(stage, a="1")
+    assert first == key(stage, a="1")
+    assert len({first, key(stage, "raise", a="1"), key(stage, a="2"), key(stage, b="1")}) == 4
+    monkeypatch.setattr(keys, "version", lambda engine: "99")
+    assert key(stage, a="1") != first
+
+
+def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> None:
+    first = key(stage)
+    source = tmp_path / "tests_fake" / "stage.py"
+    source.write_text(source.read_text() + "\n# a comment\n")
+    assert key(stage) == first
+    source.write_text(source.read_text() + "\nX = 1\n")
+    assert key(stage) != first
+
+
+def test_code_of_a_stage_reaches_what_it_imports_and_no_further() -> None:
+    closure = keys._import_closure(stages.SFM.entry.partition(":")[0])
+    assert "aug3d_core.geometry.views" in closure
+    assert not any(name.startswith(("aug3d_core.nerf", "aug3d_core.stages", "aug3d_core.scene_config")) for name in closure)
+
+
+def test_a_worker_process_is_code_of_its_stage() -> None:
+    closure = keys._import_closure(stages.RENDERING.entry.partition(":")[0])
+    assert "aug3d_core.rendering.worker" in closure

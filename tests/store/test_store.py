@@ -1,0 +1,123 @@
+"""Objects are whole or absent, and altered ones are seen."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import time
+from pathlib import Path
+
+import pytest
+
+from aug3d_core.errors import StoreError
+from aug3d_core.store import layout
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+
+FIELDS = {
+    "config": {},
+    "inputs": {},
+    "versions": {},
+    "metrics": {"figure": 1.0},
+    "state": "ok",
+    "notes": (),
+    "series": {},
+    "pictures": {},
+    "seconds": 1.0,
+    "peak_mib": 2.0,
+}
+
+
+def commit(store: Store, content: str = "hello", key: str = "k1") -> Record:
+    work = store.work_dir("photos", key)
+    (work / layout.FILES / "sub").mkdir(parents=True)
+    (work / layout.FILES / "sub" / "a.txt").write_text(content)
+    (work / layout.LOG).write_text("a log does not count")
+    return store.commit(work, "photos", key, dict(FIELDS))
+
+
+def test_what_is_committed_is_found(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    assert store.find("photos", "k1") == record
+    assert (store.files_dir(record) / "sub" / "a.txt").read_text() == "hello"
+    assert not store.work_dir("photos", "k1").exists()
+
+
+def test_digest_depends_on_paths_and_bytes_alone(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    one, same, other = commit(store, "x", "k1"), commit(store, "x", "k2"), commit(store, "y", "k3")
+    assert one.digest == same.digest != other.digest
+
+
+def test_a_missing_object_is_not_found(tmp_path: Path) -> None:
+    assert Store(tmp_path).find("photos", "nothing") is None
+
+
+@pytest.mark.parametrize("harm", ["alter", "alter_same_size", "delete", "no_record", "half_record"])
+def test_a_harmed_object_is_not_found_and_moved_away(tmp_path: Path, harm: str) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    file = store.files_dir(record) / "sub" / "a.txt"
+    record_file = store.object_dir("photos", "k1") / layout.RECORD
+    if harm == "alter":
+        file.write_text("hello, changed")
+    elif harm == "alter_same_size":
+        time.sleep(0.01)
+        file.write_text("hellO")
+    elif harm == "delete":
+        file.unlink()
+    elif harm == "no_record":
+        record_file.unlink()
+    else:
+        record_file.write_text(record_file.read_text()[:50])
+    assert store.find("photos", "k1") is None
+    assert not store.object_dir("photos", "k1").exists()
+    assert commit(store).digest == record.digest  # and it can be made again
+
+
+def test_a_touched_but_unaltered_file_is_still_whole(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    (store.files_dir(record) / "sub" / "a.txt").touch()
+    assert store.find("photos", "k1") == record
+
+
+def test_a_work_folder_is_not_an_object(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    (store.work_dir("photos", "k1") / layout.FILES).mkdir(parents=True)
+    assert store.find("photos", "k1") is None
+
+
+def _hold(root: Path, ready: multiprocessing.synchronize.Event) -> None:
+    with Store(root).lock("photos", "k1"):
+        ready.set()
+        time.sleep(60)
+
+
+def test_the_lock_keeps_others_out_and_ends_with_its_holder(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    context = multiprocessing.get_context("spawn")
+    ready = context.Event()
+    holder = context.Process(target=_hold, args=(tmp_path, ready))
+    holder.start()
+    assert ready.wait(60)
+    with pytest.raises(StoreError, match="another process"), store.lock("photos", "k1", timeout_s=0.1):
+        pass
+    with store.lock("photos", "k2", timeout_s=0.1):
+        pass
+    holder.kill()
+    holder.join()
+    with store.lock("photos", "k1", timeout_s=5):
+        pass
+
+
+def test_a_store_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(StoreError, match=r"cannot be opened.*\n.*--home"):
+        Store(tmp_path / "file")
+
+
+def test_a_record_survives_json(tmp_path: Path) -> None:
+    record = commit(Store(tmp_path))
+    assert Record.model_validate(json.loads(record.model_dump_json())) == record

@@ -1,0 +1,197 @@
+"""Whatever a stage does, the factory lives, and says what happened."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from aug3d_core import isolation
+from aug3d_core.errors import StageFailed
+from aug3d_core.make import make
+from aug3d_core.store import layout
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+from tests_support import FakeConfig, fake_stage
+
+
+@pytest.fixture(autouse=True)
+def fake_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+
+def run(tmp_path: Path, do: str, **changes: object) -> Record:
+    return make(Store(tmp_path / "home"), fake_stage(tmp_path, **changes), FakeConfig(do=do), {}, lambda *_: None)
+
+
+def fail(tmp_path: Path, do: str, **changes: object) -> StageFailed:
+    with pytest.raises(StageFailed) as caught:
+        run(tmp_path, do, **changes)
+    return caught.value
+
+
+def test_a_good_stage_leaves_a_record_with_its_cost(tmp_path: Path) -> None:
+    record = run(tmp_path, "succeed")
+    assert record.metrics["figure"] == 1.5
+    assert record.seconds > 0 and record.peak_mib > 5
+    assert set(record.files) == {"half"}
+    assert record.series["curve"] == ((0, 1.0), (1, 2.0))
+
+
+def test_it_is_not_made_twice(tmp_path: Path) -> None:
+    first = run(tmp_path, "succeed")
+    started = time.monotonic()
+    assert run(tmp_path, "succeed") == first
+    assert time.monotonic() - started < 0.5
+
+
+def test_two_at_once_make_it_once(tmp_path: Path) -> None:
+    records: list[Record] = []
+    threads = [threading.Thread(target=lambda: records.append(run(tmp_path, "slow"))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    log = tmp_path / "home" / layout.OBJECTS / "fake" / records[0].key / layout.LOG
+    assert records[0] == records[1]
+    assert log.read_text().count("the log says slow") == 1
+
+
+def test_an_error_for_people_comes_through_with_log_and_replay(tmp_path: Path) -> None:
+    failure = fail(tmp_path, "raise")
+    assert failure.cause == "error"
+    assert "photo a.jpg is torn" in failure.problem
+    assert failure.remedy == "mend a.jpg"
+    assert "the log says raise" in failure.log_tail
+
+
+def test_the_replay_command_repeats_the_failure(tmp_path: Path) -> None:
+    failure = fail(tmp_path, "raise")
+    done = subprocess.run(failure.replay.split(), capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "photo a.jpg is torn" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("do", "cause", "words"),
+    [("segfault", "crash", "SIGSEGV"), ("vanish", "error", "no result")],
+)
+def test_native_ends_become_typed_errors(tmp_path: Path, do: str, cause: str, words: str) -> None:
+    failure = fail(tmp_path, do)
+    assert failure.cause == cause
+    assert words in failure.problem
+
+
+def test_a_stage_that_hangs_is_killed_with_its_workers(tmp_path: Path) -> None:
+    failure = fail(tmp_path, "hang", limit_s=1.5, resumable=True)
+    assert failure.cause == "timeout"
+    assert_all_dead(tmp_path)
+
+
+def test_a_stage_that_eats_memory_is_killed(tmp_path: Path) -> None:
+    failure = fail(tmp_path, "memory", limit_mib=150.0)
+    assert failure.cause == "memory"
+    assert "150 MiB" in failure.problem
+
+
+def test_stop_all_ends_a_running_stage(tmp_path: Path) -> None:
+    timer = threading.Timer(1.0, isolation.stop_all)
+    timer.start()
+    try:
+        assert fail(tmp_path, "hang", resumable=True).cause == "killed"
+    finally:
+        isolation.allow_jobs()
+    assert_all_dead(tmp_path)
+
+
+def test_a_killed_stage_resumes_and_a_plain_one_starts_afresh(tmp_path: Path) -> None:
+    store = Store(tmp_path / "home")
+    for resumable in (True, False):
+        stage = fake_stage(tmp_path, resumable=resumable)
+        config = FakeConfig(do="slow")
+        caught: list[BaseException] = []
+
+        def kill_me(stage=stage, config=config, caught=caught) -> None:
+            try:
+                make(store, stage, config, {}, lambda *_: None)
+            except StageFailed as failure:
+                caught.append(failure)
+
+        thread = threading.Thread(target=kill_me)
+        thread.start()
+        os.kill(wait_for_pid(tmp_path, "pid"), signal.SIGKILL)
+        thread.join()
+        assert caught[0].cause == "killed"  # type: ignore[attr-defined]
+        record = make(store, stage, config, {}, lambda *_: None)
+        assert record.metrics["resumed"] is resumable
+        next((tmp_path / "home" / layout.OBJECTS / "fake").iterdir()).rename(tmp_path / f"away{resumable}")
+
+
+def test_killing_the_factory_kills_its_stages(tmp_path: Path) -> None:
+    fake_stage(tmp_path)
+    code = f"""
+from pathlib import Path
+from aug3d_core.make import make
+from aug3d_core.store.store import Store
+from tests_fake.config import FAKE, FakeConfig
+make(Store(Path({str(tmp_path / "home")!r})), FAKE, FakeConfig(do="hang"), {{}}, lambda *_: None)
+"""
+    factory = subprocess.Popen([sys.executable, "-c", code])
+    stage_pid = wait_for_pid(tmp_path, "pid")
+    factory.kill()
+    factory.wait()
+    wait_until_dead(stage_pid)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path):
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(folder)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.decode().strip()}")
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_full_disk_is_named_and_loses_nothing(tmp_path: Path, small_disk: Path) -> None:
+    store = Store(small_disk)
+    stage = fake_stage(tmp_path)
+    kept = make(store, stage, FakeConfig(), {}, lambda *_: None)
+    with pytest.raises(StageFailed) as caught:
+        make(store, stage, FakeConfig(do="fill"), {}, lambda *_: None)
+    assert caught.value.cause == "disk"
+    assert "MiB free" in caught.value.remedy
+    assert store.find("fake", kept.key) == kept
+    assert make(store, stage, FakeConfig(do="slow"), {}, lambda *_: None).metrics["figure"] == 1.5  # space is free again
+
+
+def wait_for_pid(tmp_path: Path, name: str) -> int:
+    for _ in range(300):
+        for found in (tmp_path / "home" / layout.WORK).glob(f"fake/*/{name}"):
+            if text := found.read_text():
+                found.unlink()
+                return int(text)
+        time.sleep(0.05)
+    raise AssertionError("the stage did not start")
+
+
+def wait_until_dead(pid: int) -> None:
+    for _ in range(100):
+        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"process {pid} lives on")
+
+
+def assert_all_dead(tmp_path: Path) -> None:
+    for name in ("pid", "worker_pid"):
+        wait_until_dead(wait_for_pid(tmp_path, name))

@@ -1,0 +1,75 @@
+"""A stage that does what a test asks, in a real process of its own: succeed, raise, crash, hang, eat memory."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+from aug3d_core.stage import Stage, StageConfig
+
+_RUN = '''
+    import os, signal, subprocess, sys, time
+    from aug3d_core.errors import InputError
+    from aug3d_core.stage import Outcome
+
+    def run(inputs, config, out, progress):
+        print("the log says", config.do)
+        resumed = (out / "half").exists()
+        (out / "half").write_text("x")
+        progress(1, 2, config.do)
+        (out.parent / "pid").write_text(str(os.getpid()))
+        if config.do == "raise":
+            raise InputError("photo a.jpg is torn", "mend a.jpg")
+        if config.do == "segfault":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        if config.do == "vanish":
+            os._exit(0)
+        if config.do == "hang":
+            worker = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+            (out.parent / "worker_pid").write_text(str(worker.pid))
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            time.sleep(600)
+        if config.do == "slow":
+            time.sleep(2)
+        if config.do == "memory":
+            hoard = bytearray(300 * 2**20)
+            hoard[::4096] = b"1" * len(hoard[::4096])
+            time.sleep(600)
+        if config.do == "fill":
+            with open(out / "big", "wb") as file:
+                while True:
+                    file.write(bytes(2**20))
+                    file.flush()
+        (out / "half").write_text("done")
+        return Outcome(metrics={"figure": 1.5, "resumed": resumed}, series={"curve": ((0, 1.0), (1, 2.0))})
+'''
+_MAIN = """
+    from aug3d_core import stages
+    from aug3d_core.stage_main import main
+    from tests_fake.config import FAKE
+    stages.STAGES[FAKE.name] = FAKE
+    main()
+"""
+_CONFIG = """
+    from aug3d_core.stage import Stage, StageConfig
+
+    class FakeConfig(StageConfig):
+        do: str = "succeed"
+
+    FAKE = Stage("fake", FakeConfig, (), "tests_fake.stage:run", (), "figure")
+"""
+
+
+class FakeConfig(StageConfig):
+    """Says what the fake stage shall do."""
+
+    do: str = "succeed"
+
+
+def fake_stage(folder: Path, **changes: object) -> Stage:
+    """Write the package `tests_fake` into a folder, which must be on PYTHONPATH, and return its stage."""
+    package = folder / "tests_fake"
+    package.mkdir(exist_ok=True)
+    for name, text in {"__init__": "", "stage": _RUN, "__main__": _MAIN, "config": _CONFIG}.items():
+        (package / f"{name}.py").write_text(textwrap.dedent(text))
+    return Stage("fake", FakeConfig, (), "tests_fake.stage:run", (), "figure", **changes)  # type: ignore[arg-type]
