@@ -1,0 +1,11 @@
+"""Recover camera poses, points and tracks from photographs, in a world that is metric and level. The only door to pycolmap.
+
+pairs     which photographs to match with which (plain numpy)
+features  photo table -> database of features and verified matches
+mapping   database -> reconstructions, the largest first
+focal     keep the camera's own focal length where the photographs cannot tell better
+align     reconstruction -> ENU metres by GPS, or level scene units without
+export    reconstruction -> undistorted images and plain arrays
+picture   the map that people look at
+stage     the stage
+"""

@@ -1,0 +1,117 @@
+"""Bring a reconstruction, whose frame and scale are arbitrary, into the project's world.
+
+With GPS: ENU metres about the photographs' median position. Without: z up and a nominal scale, in which the median camera
+flies 50 units above the ground, about as high as drones do, so that settings in metres stay sensible. In both, z = 0 is
+the ground. Plain numpy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from aug3d_core.geometry.ground import fit_up, ground_height, rotation_to_z
+from aug3d_core.geometry.similarity import Similarity, fit_similarity_robustly
+from aug3d_core.geometry.transforms import centres
+
+NOMINAL_HEIGHT = 50.0
+_GROUND_THICKNESS = 0.02  # of the median distance from cameras to points
+_MOST_TILT_DEG = 1.5  # uncertainty of the vertical at which GPS altitudes are worth less than the ground's own level
+_ALTITUDE_NOISE_M = 0.3  # the least to believe of any GPS
+_MOST_DISAGREEMENT = 0.25  # median GPS residual over the spread of the positions
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How the world was found.
+
+    world_from_model: the similarity to apply. up_from: gps, or gravity (cameras and ground). residual_m: horizontal distance
+    of each camera to its GPS position, NaN without. up_offset_m: GPS height of z = 0 about the GPS origin.
+    problem: why GPS that exists was not used.
+    """
+
+    world_from_model: Similarity
+    metric: bool
+    up_from: str
+    residual_m: Float[np.ndarray, " n"]
+    up_offset_m: float
+    problem: str = ""
+
+
+def align(
+    cam_from_model: Float[np.ndarray, "n 3 4"],
+    points_in_model: Float[np.ndarray, "p 3"],
+    median_depth: float,
+    gps_enu_m: Float[np.ndarray, "n 3"],
+    rng: np.random.Generator,
+) -> Alignment:
+    """Find the world; rows of `gps_enu_m` are NaN without GPS."""
+    up = fit_up(points_in_model, cam_from_model, _GROUND_THICKNESS * median_depth, rng)
+    level = Similarity(1.0, rotation_to_z(up), np.zeros(3))
+    located = np.isfinite(gps_enu_m[:, 0])
+    problem = ""
+    if located.sum() >= 3:
+        fit, up_from = _fit_gps(centres(cam_from_model)[located], gps_enu_m[located], level, rng)
+        residual_m = np.linalg.norm((fit.apply(centres(cam_from_model)) - gps_enu_m)[:, :2], axis=1)
+        spread_m = float(np.sqrt(gps_enu_m[located, :2].var(axis=0).sum()))
+        if np.nanmedian(residual_m) <= _MOST_DISAGREEMENT * spread_m:
+            return _metric(fit, up_from, residual_m, cam_from_model, points_in_model, gps_enu_m)
+        problem = (
+            f"the GPS positions contradict the photographs: median residual {np.nanmedian(residual_m):.1f} m where the "
+            f"positions spread over {spread_m:.1f} m"
+        )
+    elif located.any():
+        problem = f"only {located.sum()} of the placed photographs have GPS, 3 are needed"
+    fit = _nominal(level, cam_from_model, points_in_model, median_depth)
+    return Alignment(fit, False, "gravity", np.full(len(gps_enu_m), np.nan), np.nan, problem)
+
+
+def _fit_gps(
+    centres_in_model: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"], level: Similarity, rng: np.random.Generator
+) -> tuple[Similarity, str]:
+    """Fit all three axes where that fixes the vertical well, else the horizontal ones and leave the vertical to gravity."""
+    fit, used = fit_similarity_robustly(centres_in_model, gps_enu_m, rng)
+    up_noise_m = 1.4826 * np.median(np.abs((fit.apply(centres_in_model) - gps_enu_m)[used, 2]))
+    across_m = np.linalg.svd(gps_enu_m[used, :2] - gps_enu_m[used, :2].mean(axis=0), compute_uv=False)[-1]
+    tilt_deg = np.degrees(np.arctan2(max(up_noise_m, _ALTITUDE_NOISE_M), across_m))
+    if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0:
+        return fit, "gps"
+    flat, used = fit_similarity_robustly(level.apply(centres_in_model)[:, :2], gps_enu_m[:, :2], rng)
+    rotation = np.eye(3)
+    rotation[:2, :2] = flat.rotation
+    up_m = np.median(gps_enu_m[:, 2] - flat.scale * level.apply(centres_in_model)[:, 2])
+    return Similarity(flat.scale, rotation, np.append(flat.translation, up_m)).after(level), "gravity"
+
+
+def _metric(
+    fit: Similarity,
+    up_from: str,
+    residual_m: Float[np.ndarray, " n"],
+    cam_from_model: Float[np.ndarray, "n 3 4"],
+    points_in_model: Float[np.ndarray, "p 3"],
+    gps_enu_m: Float[np.ndarray, "n 3"],
+) -> Alignment:
+    ground_m = ground_height(fit.apply(points_in_model)[:, 2])
+    world = _lower(fit, ground_m)
+    up_offset_m = float(np.nanmedian(gps_enu_m[:, 2] - world.apply(centres(cam_from_model))[:, 2]))
+    return Alignment(world, True, up_from, residual_m, up_offset_m)
+
+
+def _nominal(
+    level: Similarity,
+    cam_from_model: Float[np.ndarray, "n 3 4"],
+    points_in_model: Float[np.ndarray, "p 3"],
+    median_depth: float,
+) -> Similarity:
+    points = level.apply(points_in_model)
+    height = np.median(level.apply(centres(cam_from_model))[:, 2]) - ground_height(points[:, 2])
+    # Cameras carried at ground level have no height to speak of; what they see at 50 units is as good a scale.
+    scale = NOMINAL_HEIGHT / (height if height > 0.1 * median_depth else median_depth)
+    middle = np.append(np.median(points[:, :2], axis=0), ground_height(points[:, 2]))
+    return Similarity(scale, level.rotation, -scale * middle)
+
+
+def _lower(fit: Similarity, height: float) -> Similarity:
+    return Similarity(fit.scale, fit.rotation, fit.translation - np.array([0.0, 0.0, height]))

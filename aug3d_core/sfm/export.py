@@ -1,0 +1,105 @@
+"""Reconstruction -> plain arrays, in the world, and undistorted pinhole images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from jaxtyping import Float
+from PIL import Image
+
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.store import layout
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """What a reconstruction holds: views by photo id, points by id, tracks by point, then view."""
+
+    views: Views
+    points: Points
+    tracks: Tracks
+
+
+def photo_id(image: pycolmap.Image) -> int:
+    """Return the photo id that an image's file name states."""
+    return int(Path(image.name).stem)
+
+
+def registered(model: pycolmap.Reconstruction) -> list[pycolmap.Image]:
+    """Return the placed images by photo id."""
+    return sorted((model.image(image_id) for image_id in model.reg_image_ids()), key=photo_id)
+
+
+def poses(model: pycolmap.Reconstruction) -> Float[np.ndarray, "n 3 4"]:
+    """Return `cam_from_world` of the placed images by photo id."""
+    return np.stack([image.cam_from_world().matrix() for image in registered(model)])
+
+
+def to_arrays(model: pycolmap.Reconstruction) -> Arrays:
+    """Return views, points and tracks with distortion removed.
+
+    Undistorting crops the rim, and with it a few observations; points that fewer than two views still see are left out.
+    """
+    images = registered(model)
+    pinholes = {camera_id: undistorted_camera(camera) for camera_id, camera in model.cameras.items()}
+    views = Views(
+        photo_id=np.array([photo_id(image) for image in images]),
+        cam_from_world=poses(model),
+        intrinsics=np.stack([pinholes[image.camera_id].params for image in images]),
+        size=np.array([[pinholes[image.camera_id].width, pinholes[image.camera_id].height] for image in images]),
+    )
+    point_ids = np.array(sorted(model.point3D_ids()))
+    point, view, xy = _observations(model, images, pinholes)
+    point = np.searchsorted(point_ids, point)
+    inside = ((xy >= 0) & (xy <= views.size[view])).all(axis=1)
+    seen_by = np.bincount(point[inside], minlength=len(point_ids))
+    keep = inside & (seen_by[point] >= 2)
+    kept_points = np.flatnonzero(seen_by >= 2)
+    order = np.lexsort((view[keep], point[keep]))
+    point_in_model = [model.point3D(point_ids[index]) for index in kept_points]
+    points = Points(
+        xyz=np.array([p.xyz for p in point_in_model]).reshape(-1, 3),
+        rgb=np.array([p.color for p in point_in_model], np.uint8).reshape(-1, 3),
+        error_px=np.array([p.error for p in point_in_model]),
+    )
+    tracks = Tracks(np.searchsorted(kept_points, point[keep][order]), view[keep][order], xy[keep][order])
+    return Arrays(views, points, tracks)
+
+
+def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
+    """Return the pinhole camera of the largest image without blank pixels."""
+    return pycolmap.undistort_camera(_options(), camera)
+
+
+def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path) -> None:
+    """Write the undistorted image of every placed photograph."""
+    out.mkdir(parents=True, exist_ok=True)
+    for image in registered(model):
+        bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
+        undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
+        Image.fromarray(undistorted.to_array()).save(out / layout.image_name(photo_id(image)), compress_level=1)
+
+
+def _options() -> pycolmap.UndistortCameraOptions:
+    options = pycolmap.UndistortCameraOptions()
+    options.blank_pixels = 0.0
+    return options
+
+
+def _observations(
+    model: pycolmap.Reconstruction, images: list[pycolmap.Image], pinholes: dict[int, pycolmap.Camera]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return point id, view index and undistorted xy of every observation."""
+    point, view, xy = [], [], []
+    for index, image in enumerate(images):
+        seen = image.get_observation_points2D()
+        point.append(np.array([observed.point3D_id for observed in seen], np.int64))
+        view.append(np.full(len(seen), index))
+        distorted = np.array([observed.xy for observed in seen], float).reshape(-1, 2)
+        in_cam = model.camera(image.camera_id).cam_from_img(distorted)
+        params = pinholes[image.camera_id].params
+        xy.append(in_cam * params[:2] + params[2:])
+    return np.concatenate(point), np.concatenate(view), np.concatenate(xy)

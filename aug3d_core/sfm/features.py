@@ -1,0 +1,84 @@
+"""Photo table -> database with features and verified matches.
+
+Every photograph is entered before features are extracted, so that ids, and with them all that follows, do not depend on
+which thread finishes first; RANSAC is seeded per pair. With both, any number of threads gives the same database.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pycolmap
+from jaxtyping import Int
+
+from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.stage import Progress
+from aug3d_core.store import layout
+
+_CAMERA_MODEL = "SIMPLE_RADIAL"
+_PHOTOS_PER_CALL = 8
+_PAIRS_PER_CALL = 400
+
+
+def threads() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def make_database(photos: pd.DataFrame, images: Path, database: Path) -> None:
+    """Enter the photographs, one camera for each distinct key, with its focal length as a prior where it is known."""
+    pycolmap.Database.open(database).close()
+    for _, same_camera in photos.groupby("camera", sort=False):
+        pycolmap.import_images(
+            database,
+            images,
+            pycolmap.CameraMode.SINGLE,
+            [layout.image_name(photo_id) for photo_id in same_camera["photo_id"]],
+            _reader(same_camera),
+        )
+
+
+def extract(photos: pd.DataFrame, images: Path, database: Path, config: SfmConfig, progress: Progress) -> None:
+    """Extract SIFT features of every photograph."""
+    options = pycolmap.FeatureExtractionOptions()
+    options.num_threads = threads()
+    options.sift.max_num_features = config.max_features
+    names = [layout.image_name(photo_id) for photo_id in photos["photo_id"]]
+    for start in range(0, len(names), _PHOTOS_PER_CALL):
+        pycolmap.extract_features(
+            database, images, names[start : start + _PHOTOS_PER_CALL], extraction_options=options
+        )
+        progress(min(start + _PHOTOS_PER_CALL, len(names)), len(names), "photographs searched for features")
+
+
+def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: SfmConfig, progress: Progress) -> int:
+    """Match the pairs and verify them geometrically; return how many hold."""
+    matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
+    matching.num_threads = threads()
+    verification.ransac.random_seed = config.seed
+    pairing = pycolmap.ImportedPairingOptions()
+    pairing.match_list_path = database.with_suffix(".pairs.txt")
+    for start in range(0, len(pairs), _PAIRS_PER_CALL):
+        chunk = pairs[start : start + _PAIRS_PER_CALL]
+        lines = (f"{layout.image_name(i)} {layout.image_name(j)}\n" for i, j in chunk)
+        Path(pairing.match_list_path).write_text("".join(lines))
+        pycolmap.match_image_pairs(database, matching, pairing, verification)
+        progress(start + len(chunk), len(pairs), "pairs of photographs compared")
+    opened = pycolmap.Database.open(database)
+    try:
+        return opened.num_verified_image_pairs()
+    finally:
+        opened.close()
+
+
+def _reader(same_camera: pd.DataFrame) -> pycolmap.ImageReaderOptions:
+    options = pycolmap.ImageReaderOptions()
+    options.camera_model = _CAMERA_MODEL
+    focal_px = same_camera["focal_px"].median()
+    if np.isfinite(focal_px):
+        width_px, height_px = same_camera[["width_px", "height_px"]].iloc[0]
+        options.camera_params = f"{focal_px},{width_px / 2},{height_px / 2},0"
+    return options
