@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Self
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
+
+# Not typing.Self: beartype, which checks shapes in the tests, refuses it outside a decorated class
+_Loaded = TypeVar("_Loaded", bound="_Arrays")
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class _Arrays:
             np.savez(file, **{f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls: type[_Loaded], path: Path) -> _Loaded:
         """Read what `save` wrote; raises if an array is missing. Pickles are refused."""
         with np.load(path, allow_pickle=False) as arrays:
             return cls(**{f.name: arrays[f.name] for f in fields(cls)})

@@ -1,9 +1,19 @@
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import apply, look_at
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.store import layout
+from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.poisson import octree_depth, reconstruct, simplify
 from aug3d_core.surface.raycast import Raycaster, pixel_rays
+from aug3d_core.surface.stage import run
+from PIL import Image
 
 WIDTH, HEIGHT = 7, 11
 INTRINSICS = np.array([8.0, 9.0, 3.1, 5.7])
@@ -84,3 +94,96 @@ def test_poisson_finds_a_sphere_and_repeats_its_bytes():
     np.testing.assert_array_equal(shape.triangles, again.triangles)
     assert octree_depth(sphere()) == 6  # 11 units in cells of at most 0.3
     assert len(simplify(shape, 500).triangles) <= 500
+
+
+def hills(count: int = 161, half: float = 40.0) -> Mesh:
+    """A hilly square with soft colours of its own."""
+    x, y = np.meshgrid(np.linspace(-half, half, count), np.linspace(-half, half, count))
+    z = 2 * np.sin(x / 9) * np.cos(y / 7)
+    waves = [np.sin(x / 5 + y / 11), np.cos(y / 4 - x / 13), np.sin((x - y) / 6)]
+    rgb = np.stack([128 + 90 * wave for wave in waves], -1).round().astype(np.uint8)
+    a = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
+    b, c, d = a + 1, a + count + 1, a + count
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+    return Mesh(np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), rgb.reshape(-1, 3), triangles)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory) -> tuple[Path, Path]:
+    """The folders of sfm and grouping after a flight over the hills with perfect matching; photo 4 is the target."""
+    sfm, grouping = tmp_path_factory.mktemp("sfm"), tmp_path_factory.mktemp("grouping")
+    truth = hills()
+    caster = Raycaster(truth.xyz, truth.triangles)
+    places = [(x, y) for y in (-15.0, 0.0, 15.0) for x in (-15.0, -5.0, 5.0, 15.0)]
+    poses = np.stack([look_at(np.array([x, y, 40.0]), np.array([x, y + 1e-3, 0.0])) for x, y in places])
+    n = len(poses)
+    views = Views(np.arange(n), poses, np.tile([90.0, 90.0, 50.0, 37.0], (n, 1)), np.tile([101, 75], (n, 1)))
+    (sfm / layout.VIEW_IMAGES).mkdir()
+    for i in range(n):
+        photo = caster.render(truth.rgb, poses[i], views.intrinsics[i], views.size[i]).rgb
+        Image.fromarray(photo).save(sfm / layout.VIEW_IMAGES / layout.image_name(i))
+    chosen = np.random.default_rng(0).choice(len(truth.xyz), 4000, replace=False)
+    in_cam = apply(poses, np.broadcast_to(truth.xyz[chosen].astype(float), (n, 4000, 3)))
+    xy = in_cam[..., :2] / in_cam[..., 2:] * views.intrinsics[:, None, :2] + views.intrinsics[:, None, 2:]
+    view, point = np.nonzero(((xy > 0) & (xy < (101, 75))).all(axis=-1))
+    views.save(sfm / layout.VIEWS)
+    Points(truth.xyz[chosen].astype(float), truth.rgb[chosen], np.full(4000, 0.3)).save(sfm / layout.POINTS)
+    Tracks(point, view, xy[view, point]).save(sfm / layout.TRACKS)
+    role = np.full(n, "train", object)
+    role[[4]], role[[5, 8]] = "target", "support"
+    pd.DataFrame({"view": np.arange(n), "photo_id": np.arange(n), "role": role}).to_parquet(
+        grouping / layout.SPLIT_TABLE
+    )
+    return sfm, grouping
+
+
+def build_surface(flight: tuple[Path, Path], out: Path, **settings):
+    out.mkdir(exist_ok=True)
+    inputs = {"sfm": flight[0], "grouping": flight[1]}
+    return run(inputs, SurfaceConfig(vertex_budget=20_000, **settings), out, lambda done, total, what: None)
+
+
+def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, tmp_path):
+    outcome = build_surface(flight, tmp_path)
+    truth = hills()
+    caster = Raycaster(truth.xyz, truth.triangles)
+    for name in (layout.MESH, layout.BASELINE_MESH):
+        mesh = Mesh.load(tmp_path / name)
+        assert np.percentile(caster.distance(mesh.xyz.astype(float)), 95) < 0.3  # under a pixel of the photos
+    assert outcome.metrics["render_psnr"] > 28
+    assert outcome.metrics["target_render_psnr"] > 26
+    assert outcome.metrics["covered_share"] > 0.9
+    assert outcome.state == "ok"
+    with Image.open(tmp_path / layout.BASELINE_RENDERS / layout.image_name(4)) as render:
+        assert render.size == (101, 75)
+        assert render.mode == "RGBA"
+    assert all((tmp_path / path).is_file() for path in outcome.pictures.values())
+
+
+def test_the_same_input_gives_the_same_bytes(flight, tmp_path):
+    build_surface(flight, tmp_path / "a")
+    build_surface(flight, tmp_path / "b")
+    files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
+    assert len(files) >= 5
+    assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
+
+
+def test_no_pixel_of_a_held_out_photo_reaches_the_mesh_of_train_photos(flight, tmp_path):
+    build_surface(flight, tmp_path / "a")
+    black = tmp_path / "sfm"
+    black.mkdir()
+    for name in (layout.VIEWS, layout.POINTS, layout.TRACKS):
+        (black / name).write_bytes((flight[0] / name).read_bytes())
+    (black / layout.VIEW_IMAGES).mkdir()
+    for photo in (flight[0] / layout.VIEW_IMAGES).iterdir():
+        with Image.open(photo) as image:
+            hidden = photo.name in {layout.image_name(i) for i in (4, 5, 8)}
+            (Image.new("RGB", image.size) if hidden else image).save(black / layout.VIEW_IMAGES / photo.name)
+    build_surface((black, flight[1]), tmp_path / "b")
+    assert (tmp_path / "a" / layout.MESH).read_bytes() == (tmp_path / "b" / layout.MESH).read_bytes()
+    assert (tmp_path / "a" / layout.BASELINE_MESH).read_bytes() != (tmp_path / "b" / layout.BASELINE_MESH).read_bytes()
+
+
+def test_too_few_good_points_is_an_error_that_says_so(flight, tmp_path):
+    with pytest.raises(InputError, match="fewer than 100 good points"):
+        build_surface(flight, tmp_path, max_error_px=0.1)
