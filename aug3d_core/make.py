@@ -8,7 +8,7 @@ from pathlib import Path
 
 from aug3d_core.errors import StageFailed
 from aug3d_core.isolation import run_isolated
-from aug3d_core.photos.folder import folder_digest
+from aug3d_core.photos.discover import folder_digest
 from aug3d_core.stage import Frozen, Outcome, Progress, Stage, StageConfig
 from aug3d_core.stage_main import Job
 from aug3d_core.store import layout
@@ -83,7 +83,7 @@ def _compute(
         }
         return store.commit(work, stage.name, key, fields)
     except StageFailed as failure:
-        kept = store.keep_failure(work, stage.name, key, keep_files=stage.resumable)
+        kept = store.keep_failure(work, stage.name, key, resumable=stage.resumable)
         failure.replay = failure.replay.replace(str(work), str(kept))
         raise
     except OSError as error:

@@ -89,14 +89,24 @@ class Store:
         _sync_folder(target.parent)
         return record
 
-    def keep_failure(self, work: Path, stage: str, key: str, *, keep_files: bool) -> Path:
-        """Copy job and log of a failed try where the user can replay it; drop partial files unless they can be resumed."""
+    def keep_failure(self, work: Path, stage: str, key: str, *, resumable: bool) -> Path:
+        """Put job and log of a failed try where the user can replay it; return that folder.
+
+        Partial files stay only if the next try can go on with them. They go first: the disk may be full of them.
+        """
+        if not resumable:
+            shutil.rmtree(work / layout.FILES, ignore_errors=True)
         kept = self.failure_dir(stage, key)
         kept.mkdir(parents=True, exist_ok=True)
-        for name in (layout.JOB, layout.LOG, layout.ERROR):
-            if (work / name).exists():
-                shutil.copyfile(work / name, kept / name)
-        if not keep_files:
+        try:
+            for name in (layout.JOB, layout.LOG, layout.ERROR):
+                if (work / name).exists():
+                    shutil.copyfile(work / name, kept / name)
+        except OSError as error:
+            if not disk_full(error):
+                raise
+            return work
+        if not resumable:
             shutil.rmtree(work, ignore_errors=True)
         return kept
 
