@@ -1,0 +1,42 @@
+"""The similarity stage: tracks -> number of shared points for every pair of views."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy import sparse
+
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.grouping.config import SimilarityConfig
+from aug3d_core.grouping.picture import draw_similarity
+from aug3d_core.grouping.similarity import components, shared_points, visibility
+from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.store import layout
+
+
+def run(inputs: Inputs, config: SimilarityConfig, out: Path, progress: Progress) -> Outcome:
+    """Write the similarity matrix."""
+    views = Views.load(inputs["sfm"] / layout.VIEWS)
+    points = Points.load(inputs["sfm"] / layout.POINTS)
+    tracks = Tracks.load(inputs["sfm"] / layout.TRACKS)
+    shared = shared_points(visibility(tracks, len(views), len(points.xyz)))
+    sparse.save_npz(out / layout.SHARED_POINTS, shared)
+    draw_similarity(shared, out / layout.SIMILARITY_PICTURE)
+    progress(1, 1, "views compared")
+    sizes = np.bincount(components(shared, config.connected_points))
+    pairs = sparse.triu(shared, k=1).data
+    metrics = {
+        "views": len(views),
+        "pairs": len(pairs),
+        "pairs_share": len(pairs) / max(1, len(views) * (len(views) - 1) / 2),
+        "connected_share": sizes.max() / len(views),
+        "shared_points_mean": float(pairs.mean()) if len(pairs) else 0.0,
+        "shared_points_max": int(pairs.max()) if len(pairs) else 0,
+        "points_per_view_median": float(np.median(shared.diagonal())),
+    }
+    notes = []
+    if len(sizes) > 1:
+        apart = len(views) - sizes.max()
+        notes.append(f"{apart} views share fewer than {config.connected_points} points with any view of the main part")
+    return Outcome(metrics=metrics, notes=tuple(notes), pictures={"Shared points of every pair": layout.SIMILARITY_PICTURE})
