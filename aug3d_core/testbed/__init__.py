@@ -1,0 +1,12 @@
+"""A town with exact truth, flown over by a virtual drone; rendered through rendering/'s door.
+
+* `config`      size, flight and camera of the town
+* `noise`       fractal noise and other texture grain
+* `plan`        streets, blocks and lots, and what stands on them
+* `ground`      the painted ground
+* `atlas`, `model`   texture patches, and triangles that point into them
+* `facades`, `roofs`, `buildings`, `trees`, `cars`   what stands on the ground
+* `town`        all of it together, bent over gentle hills
+* `flight`, `photo`   where the drone was, and the JPEG it wrote
+* `town_stage`  render the flight; `truth_stage` compare reconstructed poses with the true ones
+"""
