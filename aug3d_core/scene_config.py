@@ -7,17 +7,17 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from aug3d_core.dataset import config as dataset
+from aug3d_core.dataset import config as _dataset
 from aug3d_core.errors import UsageError
-from aug3d_core.grouping import config as grouping
-from aug3d_core.nerf import config as nerf
-from aug3d_core.photos import config as photos
-from aug3d_core.rendering import config as rendering
-from aug3d_core.sampling import config as sampling
-from aug3d_core.sfm import config as sfm
+from aug3d_core.grouping import config as _grouping
+from aug3d_core.nerf import config as _nerf
+from aug3d_core.photos import config as _photos
+from aug3d_core.rendering import config as _rendering
+from aug3d_core.sampling import config as _sampling
+from aug3d_core.sfm import config as _sfm
 from aug3d_core.stage import Frozen
-from aug3d_core.surface import config as surface
-from aug3d_core.testbed import config as testbed
+from aug3d_core.surface import config as _surface
+from aug3d_core.testbed import config as _testbed
 
 PRESETS = ("tiny", "small", "paper")
 
@@ -25,18 +25,18 @@ PRESETS = ("tiny", "small", "paper")
 class SceneConfig(Frozen):
     """Every setting of the factory, stage by stage."""
 
-    town: testbed.TownConfig = Field(testbed.TownConfig(), description="The built-in town; used when there are no photographs")
-    photos: photos.PhotosConfig = Field(photos.PhotosConfig(), description="Finding and checking photographs")
-    sfm: sfm.SfmConfig = Field(sfm.SfmConfig(), description="Structure from motion")
-    truth: testbed.TruthConfig = Field(testbed.TruthConfig(), description="Comparison with the town's truth")
-    similarity: grouping.SimilarityConfig = Field(grouping.SimilarityConfig(), description="The similarity matrix")
-    grouping: grouping.GroupingConfig = Field(grouping.GroupingConfig(), description="Groups of K photographs, and the test split")
-    surface: surface.SurfaceConfig = Field(surface.SurfaceConfig(), description="The mesh")
-    sampling: sampling.SamplingConfig = Field(sampling.SamplingConfig(), description="Virtual camera domes")
-    rendering: rendering.RenderingConfig = Field(rendering.RenderingConfig(), description="Cycles renders")
-    dataset: dataset.DatasetConfig = Field(dataset.DatasetConfig(), description="The packed data set")
-    training: nerf.TrainingConfig = Field(nerf.TrainingConfig(), description="PixelNeRF training")
-    evaluation: nerf.EvaluationConfig = Field(nerf.EvaluationConfig(), description="PSNR on held-out photographs")
+    town: _testbed.TownConfig = Field(description="The built-in town; used when there are no photographs.")
+    photos: _photos.PhotosConfig = Field(description="Finding and checking photographs.")
+    sfm: _sfm.SfmConfig = Field(description="Structure from motion.")
+    truth: _testbed.TruthConfig = Field(description="Comparison with the town's truth.")
+    similarity: _grouping.SimilarityConfig = Field(description="The similarity matrix.")
+    grouping: _grouping.GroupingConfig = Field(description="Groups of K photographs, and the test split.")
+    surface: _surface.SurfaceConfig = Field(description="The mesh.")
+    sampling: _sampling.SamplingConfig = Field(description="Virtual camera domes.")
+    rendering: _rendering.RenderingConfig = Field(description="Cycles renders.")
+    dataset: _dataset.DatasetConfig = Field(description="The packed data set.")
+    training: _nerf.TrainingConfig = Field(description="PixelNeRF training.")
+    evaluation: _nerf.EvaluationConfig = Field(description="PSNR on held-out photographs.")
 
 
 def scene_config(preset: str, overrides: Iterable[str] = ()) -> SceneConfig:
@@ -62,17 +62,18 @@ def validated_config(values: dict[str, Any]) -> SceneConfig:
 
 def _preset(name: str) -> SceneConfig:
     return SceneConfig(
-        town=testbed.PRESETS[name],
-        photos=photos.PRESETS[name],
-        sfm=sfm.PRESETS[name],
-        similarity=grouping.SIMILARITY_PRESETS[name],
-        grouping=grouping.GROUPING_PRESETS[name],
-        surface=surface.PRESETS[name],
-        sampling=sampling.PRESETS[name],
-        rendering=rendering.PRESETS[name],
-        dataset=dataset.PRESETS[name],
-        training=nerf.TRAINING_PRESETS[name],
-        evaluation=nerf.EVALUATION_PRESETS[name],
+        town=_testbed.PRESETS[name],
+        photos=_photos.PRESETS[name],
+        sfm=_sfm.PRESETS[name],
+        truth=_testbed.TRUTH_PRESETS[name],
+        similarity=_grouping.SIMILARITY_PRESETS[name],
+        grouping=_grouping.GROUPING_PRESETS[name],
+        surface=_surface.PRESETS[name],
+        sampling=_sampling.PRESETS[name],
+        rendering=_rendering.PRESETS[name],
+        dataset=_dataset.PRESETS[name],
+        training=_nerf.TRAINING_PRESETS[name],
+        evaluation=_nerf.EVALUATION_PRESETS[name],
     )
 
 

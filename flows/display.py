@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from contextlib import AbstractContextManager
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from aug3d_core.stage import Stage
-from tasks.objects import Made
+
+if TYPE_CHECKING:
+    from tasks.objects import Made
 
 
 class Display(AbstractContextManager):
