@@ -1,0 +1,14 @@
+"""Pack real and rendered views of one scene into one Zarr store, and read it back.
+
+config      what a data set should be
+images      the one colour and resize convention
+slab        the layer between ground and roofs in which everything to be seen lies
+scene       the packed scene in memory, and what must hold of it
+real        photographs -> packed views
+rendered    renders of domes -> packed views, and the domes that are still groups
+leaks       the audit that no test pixel reaches training
+writer      scene -> Zarr v3
+reader      Zarr v3 -> scene
+contact     the contact sheet
+stage       the stage `dataset`
+"""

@@ -1,0 +1,34 @@
+"""The contact sheet: one row of views for each of a few groups, real groups first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aug3d_core.dataset.scene import Scene
+
+ROWS, COLUMNS, GAP_PX = 4, 8, 2
+
+
+def save_contact_sheet(scene: Scene, path: Path) -> None:
+    """Draw up to ROWS real, ROWS rendered and ROWS test groups, spread evenly over those there are."""
+    rows = [members[:COLUMNS] for name in ("real", "rendered", "test") for members in _spread(scene.groups[name])]
+    height, width = scene.height_px + GAP_PX, scene.width_px + GAP_PX
+    sheet = np.full((len(rows) * height, COLUMNS * width, 3), 255, np.uint8)
+    for r, members in enumerate(rows):
+        for c, view in enumerate(members):
+            sheet[r * height : (r + 1) * height - GAP_PX, c * width : (c + 1) * width - GAP_PX] = _on_grey(scene, view)
+    Image.fromarray(sheet).save(path)
+
+
+def _spread(groups: np.ndarray) -> np.ndarray:
+    if not len(groups):
+        return groups
+    return groups[np.unique(np.linspace(0, len(groups) - 1, ROWS).astype(int))]
+
+
+def _on_grey(scene: Scene, view: int) -> np.ndarray:
+    cover = scene.alpha[view][..., None] / 255
+    return (scene.images[view] * cover + 128 * (1 - cover)).astype(np.uint8)

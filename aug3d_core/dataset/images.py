@@ -1,0 +1,72 @@
+"""The one colour and resize convention of packed views.
+
+Colours are 8-bit sRGB values as the photograph stores them; averages are taken over those values, not over linear light.
+A view is cropped around its centre to the packed aspect, then shrunk with an area filter (every source pixel counts by
+the share of it that the target pixel covers); never sharpened, never padded. Rendered colours are averaged weighted by
+alpha, depths over covered pixels alone. CONVENTION names all this in the store's attributes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image
+
+CONVENTION = "sRGB 8 bit; centre crop to aspect; area filter on sRGB values; rounded to 8 bit"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A centre crop of a source image, shrunk to a packed view. The crop is (left, top, right, bottom) in source px."""
+
+    crop: tuple[float, float, float, float]
+    width_px: int
+    height_px: int
+
+    @property
+    def kept_share(self) -> float:
+        """Share of the source's pixels that the crop keeps (left + right edges are the source's width)."""
+        left, top, right, bottom = self.crop
+        return float((right - left) * (bottom - top) / ((right + left) * (bottom + top)))
+
+    def intrinsics(self, source: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
+        """Return (fx, fy, cx, cy) of the packed view; pixel centres are at half-integers, so edges scale plainly."""
+        left, top, right, bottom = self.crop
+        sx, sy = self.width_px / (right - left), self.height_px / (bottom - top)
+        fx, fy, cx, cy = source
+        return np.array([fx * sx, fy * sy, (cx - left) * sx, (cy - top) * sy])
+
+    def colour(self, rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "H W 3"]:
+        """Shrink an opaque image."""
+        return self._rounded(np.stack([self._area(rgb[..., c]) for c in range(3)], axis=-1))
+
+    def covered(
+        self, rgb: UInt8[np.ndarray, "h w 3"], alpha: UInt8[np.ndarray, "h w"], depth: Float[np.ndarray, "h w"]
+    ) -> tuple[UInt8[np.ndarray, "H W 3"], UInt8[np.ndarray, "H W"], Float[np.ndarray, "H W"]]:
+        """Shrink a render with holes: (colour, alpha, depth), each averaged over what is covered."""
+        if rgb.shape[:2] == (self.height_px, self.width_px):
+            return rgb, alpha, depth
+        weight = alpha.astype(np.float32)
+        cover = self._area(weight)
+        colour = [self._area(rgb[..., c] * weight) / np.maximum(cover, 1e-6) for c in range(3)]
+        seen = (depth > 0).astype(np.float32)
+        mean_depth = self._area(depth * seen) / np.maximum(self._area(seen), 1e-6)
+        return self._rounded(np.stack(colour, axis=-1)), self._rounded(cover), mean_depth
+
+    def _area(self, channel: np.ndarray) -> Float[np.ndarray, "H W"]:
+        image = Image.fromarray(np.ascontiguousarray(channel, dtype=np.float32))
+        size = (self.width_px, self.height_px)
+        return np.asarray(image.resize(size, Image.Resampling.BOX, box=self.crop))
+
+    @staticmethod
+    def _rounded(values: np.ndarray) -> np.ndarray:
+        return np.clip(np.rint(values), 0, 255).astype(np.uint8)
+
+
+def fit(source_width_px: int, source_height_px: int, width_px: int, height_px: int) -> Fit:
+    """Return the largest centre crop of the packed aspect."""
+    scale = min(source_width_px / width_px, source_height_px / height_px)
+    left, top = (source_width_px - scale * width_px) / 2, (source_height_px - scale * height_px) / 2
+    return Fit((left, top, source_width_px - left, source_height_px - top), width_px, height_px)

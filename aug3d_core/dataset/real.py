@@ -1,0 +1,76 @@
+"""Photographs -> packed views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, UInt8
+from PIL import Image
+
+from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.scene import SPLITS
+from aug3d_core.dataset.slab import Slab
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.store import layout
+
+
+@dataclass(frozen=True)
+class RealViews:
+    """The photographs of a scene at packed size; rows as in sfm's Views."""
+
+    images: UInt8[np.ndarray, "n h w 3"]
+    world_from_cam: Float[np.ndarray, "n 4 4"]
+    intrinsics: Float[np.ndarray, "n 4"]
+    near_far: Float[np.ndarray, "n 2"]
+    splits: UInt8[np.ndarray, " n"]
+    kept_share: float  # of the pixels of the view cropped most
+
+
+def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> RealViews:
+    """Shrink every registered photograph to packed size and measure its bounds."""
+    views, points, tracks = (
+        cls.load(sfm / name)
+        for cls, name in ((Views, layout.VIEWS), (Points, layout.POINTS), (Tracks, layout.TRACKS))
+    )
+    size = (config.width_px, config.height_px)
+    fits = [fit(int(w), int(h), *size) for w, h in views.size]
+    world_from_cam = homogeneous(invert(views.cam_from_world))
+    intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
+    images = np.stack([f.colour(_photo(sfm, int(i))) for f, i in zip(fits, views.photo_id, strict=True)])
+    bounds = [
+        near_far(slab, world_from_cam[i], intrinsics[i], size, _seen_depths(views, points, tracks, i))
+        for i in range(len(views))
+    ]
+    return RealViews(
+        images,
+        world_from_cam,
+        intrinsics,
+        np.array(bounds),
+        read_splits(grouping / layout.SPLIT_TABLE, views),
+        min(f.kept_share for f in fits),
+    )
+
+
+def read_splits(path: Path, views: Views) -> UInt8[np.ndarray, " n"]:
+    """Return each view's role as an index into SPLITS; views that the table leaves out are an error."""
+    table = pd.read_parquet(path).sort_values("view")
+    if not np.array_equal(table["view"], np.arange(len(views))):
+        raise InputError(f"{path.name} has {len(table)} rows for {len(views)} views", "run the stage grouping again")
+    return np.array([SPLITS.index(role) for role in table["role"]], np.uint8)
+
+
+def _photo(sfm: Path, photo_id: int) -> UInt8[np.ndarray, "h w 3"]:
+    with Image.open(sfm / layout.VIEW_IMAGES / layout.image_name(photo_id)) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def _seen_depths(views: Views, points: Points, tracks: Tracks, view: int) -> np.ndarray:
+    depths = depths_in(views.cam_from_world[view], points.xyz[tracks.point[tracks.view == view]])
+    return depths if len(depths) else depths_in(views.cam_from_world[view], points.xyz)

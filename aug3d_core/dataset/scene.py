@@ -1,0 +1,89 @@
+"""The packed scene in memory, and what must hold of it.
+
+Real views come first, in the order of sfm's Views, so that a real view's row is its index there; rendered views follow.
+Depth and `near_far` are distances along the camera's z, in world units; depth is 0 where unknown (all photographs).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float16, Int, UInt8
+
+from aug3d_core.dataset.slab import Slab
+from aug3d_core.errors import InputError
+
+REAL, RENDERED = 0, 1
+SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All views of one scene, its groups, and the mesh render at the test targets."""
+
+    images: UInt8[np.ndarray, "n h w 3"]
+    alpha: UInt8[np.ndarray, "n h w"]
+    depth: Float16[np.ndarray, "n h w"]
+    world_from_cam: Float[np.ndarray, "n 4 4"]
+    intrinsics: Float[np.ndarray, "n 4"]  # fx, fy, cx, cy in px
+    near_far: Float[np.ndarray, "n 2"]
+    source: UInt8[np.ndarray, " n"]  # REAL or RENDERED
+    photo_id: Int[np.ndarray, " n"]  # -1 for rendered views
+    dome_id: Int[np.ndarray, " n"]  # -1 for real views
+    splits: UInt8[np.ndarray, " n"]  # index into SPLITS
+    groups: dict[str, Int[np.ndarray, "c k"]]  # "real", "rendered": for training; "test": a target first, then inputs
+    baseline_view: Int[np.ndarray, " t"]  # the target that the render beside it shows
+    baseline_images: UInt8[np.ndarray, "t h w 3"]
+    baseline_alpha: UInt8[np.ndarray, "t h w"]
+    slab: Slab
+    scale: float  # median distance along z from a camera to the ground, world units
+    attributes: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    @property
+    def height_px(self) -> int:
+        """Height of every view."""
+        return self.images.shape[1]
+
+    @property
+    def width_px(self) -> int:
+        """Width of every view."""
+        return self.images.shape[2]
+
+
+VIEW_ARRAYS = (
+    "images",
+    "alpha",
+    "depth",
+    "world_from_cam",
+    "intrinsics",
+    "near_far",
+    "source",
+    "photo_id",
+    "dome_id",
+    "splits",
+)
+BASELINE_ARRAYS = ("baseline_view", "baseline_images", "baseline_alpha")
+GROUPS = ("real", "rendered", "test")
+
+
+def check(scene: Scene, name: str) -> Scene:
+    """Return the scene if it can be used; raise InputError with the view or group at fault otherwise."""
+    again = "pack the scene again (stage dataset)"
+    for array in VIEW_ARRAYS:
+        if len(getattr(scene, array)) != len(scene):
+            raise InputError(f"{name}: {array} has {len(getattr(scene, array))} rows for {len(scene)} views", again)
+    near, far = scene.near_far.T
+    if not np.all((near > 0) & (near < far) & np.isfinite(far)):
+        view = int(np.flatnonzero(~((near > 0) & (near < far) & np.isfinite(far)))[0])
+        raise InputError(f"{name}: view {view} has near {near[view]:g} and far {far[view]:g}", again)
+    if not scene.slab.low < scene.slab.high:
+        raise InputError(f"{name}: the slab's low {scene.slab.low:g} is not below its high {scene.slab.high:g}", again)
+    for group, members in scene.groups.items():
+        if members.size and not (members.min() >= 0 and members.max() < len(scene)):
+            raise InputError(f"{name}: groups/{group} names a view beyond the {len(scene)} there are", again)
+    return scene

@@ -1,0 +1,166 @@
+"""The stage `dataset`: sfm + grouping + surface + sampling + rendering -> one Zarr store."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aug3d_core.dataset.bounds import edge_rays
+from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.dataset.contact import save_contact_sheet
+from aug3d_core.dataset.images import CONVENTION, fit
+from aug3d_core.dataset.leaks import leaks
+from aug3d_core.dataset.real import RealViews, pack_real
+from aug3d_core.dataset.rendered import RenderedViews, pack_rendered
+from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check
+from aug3d_core.dataset.slab import Slab, slab_of
+from aug3d_core.dataset.writer import write
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.views import Points, Views
+from aug3d_core.stage import Outcome, Progress
+from aug3d_core.store import layout
+
+CONVENTIONS = {
+    "world": "z up; east, north, up in metres where the photographs have GPS",
+    "camera": "x right, y down, z forward; pixel centres at half-integers",
+    "intrinsics": "fx, fy, cx, cy in px",
+    "depth, near_far": "distance along the camera's z in world units; depth 0 where unknown",
+    "source": {"real": REAL, "rendered": RENDERED},
+    "splits": list(SPLITS),
+    "groups/test/members": "a target first, then its inputs, best first",
+    "slab": "ground plane z = a x + b y + c; heights above it from low to high",
+    "images": CONVENTION,
+}
+SOURCES = (
+    ("sfm", layout.VIEWS),
+    ("sfm", layout.POINTS),
+    ("grouping", layout.SPLIT_TABLE),
+    ("grouping", layout.GROUPS),
+    ("surface", layout.MESH),
+    ("sampling", layout.CAMERAS),
+    ("rendering", layout.RENDER_TABLE),
+)
+
+
+def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: Progress) -> Outcome:
+    """Pack the scene's views and groups, audit them for leaks, and write the store."""
+    points = Points.load(inputs["sfm"] / layout.POINTS)
+    slab = slab_of(points.xyz, config.outlier_share, config.margin_share)
+    with np.load(inputs["grouping"] / layout.GROUPS, allow_pickle=False) as file:
+        members, test_members = file["members"], file["test_members"]
+    progress(0, 4, "photographs")
+    real = pack_real(inputs["sfm"], inputs["grouping"], slab, config)
+    progress(1, 4, "renders")
+    rendered = pack_rendered(inputs["sampling"], inputs["rendering"], members.shape[1], slab, config)
+    baseline = _baseline(inputs["sfm"], inputs["surface"], np.unique(test_members[:, 0]), config)
+    scene = _assemble(inputs, config, slab, real, rendered, baseline, {"real": members, "test": test_members})
+    found = leaks(scene)
+    if found:
+        raise InputError(f"the data set leaks: {found[0]} ({len(found)} in all)", "run the stage grouping again")
+    progress(2, 4, "writing")
+    write(check(scene, layout.SCENE_ZARR), out / layout.SCENE_ZARR, config.shard_views)
+    progress(3, 4, "contact sheet")
+    save_contact_sheet(scene, out / "contact_sheet.png")
+    progress(4, 4, "done")
+    return _outcome(scene, real, rendered, out)
+
+
+def _assemble(
+    inputs: Mapping[str, Path],
+    config: DatasetConfig,
+    slab: Slab,
+    real: RealViews,
+    rendered: RenderedViews,
+    baseline: tuple[np.ndarray, np.ndarray, np.ndarray],
+    groups: dict[str, np.ndarray],
+) -> Scene:
+    n, m, k = len(real.images), len(rendered.images), groups["real"].shape[1]
+    opaque = np.full(real.images.shape[:3], 255, np.uint8)
+    groups = groups | {"rendered": n + np.arange(m).reshape(-1, k)}
+    return Scene(
+        images=np.concatenate([real.images, rendered.images]),
+        alpha=np.concatenate([opaque, rendered.alpha]),
+        depth=np.concatenate([np.zeros(opaque.shape, np.float16), rendered.depth]),
+        world_from_cam=np.concatenate([real.world_from_cam, rendered.world_from_cam]),
+        intrinsics=np.concatenate([real.intrinsics, rendered.intrinsics]),
+        near_far=np.concatenate([real.near_far, rendered.near_far]),
+        source=np.repeat([REAL, RENDERED], [n, m]).astype(np.uint8),
+        photo_id=np.concatenate([Views.load(inputs["sfm"] / layout.VIEWS).photo_id, np.full(m, -1)]).astype(np.int32),
+        dome_id=np.concatenate([np.full(n, -1), rendered.dome_id]).astype(np.int32),
+        splits=np.concatenate([real.splits, np.full(m, SPLITS.index("train"))]).astype(np.uint8),
+        groups={name: rows.astype(np.int32) for name, rows in groups.items()},
+        baseline_view=baseline[0].astype(np.int32),
+        baseline_images=baseline[1],
+        baseline_alpha=baseline[2],
+        slab=slab,
+        scale=ground_distance(slab, real),
+        attributes={
+            "conventions": CONVENTIONS,
+            "config": config.model_dump(mode="json"),
+            "counts": {"real": n, "rendered": m, "groups_real": len(groups["real"]), "groups_rendered": m // k},
+            "inputs": {f"{stage}/{name}": _digest(inputs[stage] / name) for stage, name in SOURCES},
+            "leak_audit": "pass",
+        },
+    )
+
+
+def ground_distance(slab: Slab, real: RealViews) -> float:
+    """Return the median distance along z from the photographs' cameras to the ground in their images' middle."""
+    height, width = real.images.shape[1:3]
+    middle = []
+    for pose, intrinsics in zip(real.world_from_cam, real.intrinsics, strict=True):
+        origins, directions = edge_rays(pose, intrinsics, width, height)
+        middle.append(slab.meet(origins, directions, 0.0)[len(origins) // 2])
+    reached = [t for t in middle if np.isfinite(t)]
+    return float(np.median(reached)) if reached else float(np.median(real.near_far[:, 1]))
+
+
+def _baseline(
+    sfm: Path, surface: Path, targets: np.ndarray, config: DatasetConfig
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (view, colour, alpha) of the mesh rendered at each target's pose."""
+    photo_id = Views.load(sfm / layout.VIEWS).photo_id
+    colours, alphas = [], []
+    for view in targets:
+        with Image.open(surface / layout.BASELINE_RENDERS / layout.image_name(int(photo_id[view]))) as image:
+            rgba = np.asarray(image.convert("RGBA"))
+        crop = fit(rgba.shape[1], rgba.shape[0], config.width_px, config.height_px)
+        colour, alpha, _ = crop.covered(rgba[..., :3], rgba[..., 3], np.zeros(rgba.shape[:2], np.float32))
+        colours.append(colour)
+        alphas.append(alpha)
+    return targets, np.stack(colours), np.stack(alphas)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _outcome(scene: Scene, real: RealViews, rendered: RenderedViews, out: Path) -> Outcome:
+    size = sum(file.stat().st_size for file in (out / layout.SCENE_ZARR).rglob("*") if file.is_file())
+    notes = []
+    if rendered.domes_dropped:
+        notes.append(f"{rendered.domes_dropped} domes lost a view to the render checks and are no groups")
+    if not len(rendered.images):
+        notes.append("no dome is left whole: the data set holds photographs alone")
+    return Outcome(
+        metrics={
+            "views": len(scene),
+            "real": len(real.images),
+            "rendered": len(rendered.images),
+            "groups_real": len(scene.groups["real"]),
+            "groups_rendered": len(scene.groups["rendered"]),
+            "groups_test": len(scene.groups["test"]),
+            "domes_dropped": rendered.domes_dropped,
+            "kept_by_crop_share": round(real.kept_share, 4),
+            "slab_thickness": round(scene.slab.high - scene.slab.low, 4),
+            "bytes": size,
+            "leak_audit": "pass",
+        },
+        state="ok" if len(rendered.images) else "degraded",
+        notes=tuple(notes),
+        pictures={"Groups: real, rendered, test (a row each)": "contact_sheet.png"},
+    )

@@ -1,0 +1,63 @@
+"""Write a scene as a Zarr v3 store: one view is one chunk, `shard_views` views are one file, one process writes.
+
+The attributes are written last, so that a store cut short has none and is refused; they hold a digest of every array's
+values, so that a lost or damaged chunk is found (Zarr itself would answer zeros).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import zarr
+from zarr.codecs import ZstdCodec
+
+from aug3d_core.dataset.scene import BASELINE_ARRAYS, VIEW_ARRAYS, Scene
+
+FORMAT = "aug3d scene"
+VERSION = 1
+PER_VIEW_PX = ("images", "alpha", "depth", "baseline_images", "baseline_alpha")  # arrays with a chunk for each view
+
+
+def arrays_of(scene: Scene) -> dict[str, np.ndarray]:
+    """Return the scene's arrays by their path in the store."""
+    arrays = {name: getattr(scene, name) for name in VIEW_ARRAYS}
+    arrays |= {f"groups/{name}/members": members for name, members in sorted(scene.groups.items())}
+    arrays |= {name.replace("_", "/", 1): getattr(scene, name) for name in BASELINE_ARRAYS}
+    return arrays
+
+
+def digest(values: np.ndarray) -> str:
+    """Digest an array's shape, type and values."""
+    head = f"{values.dtype.str}{values.shape}".encode()
+    return hashlib.sha256(head + np.ascontiguousarray(values).tobytes()).hexdigest()
+
+
+def write(scene: Scene, path: Path, shard_views: int) -> None:
+    """Write the store into a new folder."""
+    arrays = arrays_of(scene)
+    root = zarr.create_group(path, zarr_format=3)
+    for name, values in arrays.items():
+        _write_array(root, name, values, shard_views)
+    root.attrs.put(
+        {
+            **scene.attributes,
+            "format": FORMAT,
+            "version": VERSION,
+            "slab": scene.slab.as_dict(),
+            "scale": scene.scale,
+            "digests": {name: digest(values) for name, values in sorted(arrays.items())},
+        }
+    )
+
+
+def _write_array(root: zarr.Group, name: str, values: np.ndarray, shard_views: int) -> None:
+    per_view = name.replace("/", "_") in PER_VIEW_PX
+    chunks = (1, *values.shape[1:]) if per_view else tuple(max(1, n) for n in values.shape)
+    shards = (shard_views, *values.shape[1:]) if per_view else None
+    array = root.create_array(
+        name, shape=values.shape, dtype=values.dtype, chunks=chunks, shards=shards, compressors=ZstdCodec(level=3)
+    )
+    if values.size:
+        array[...] = values

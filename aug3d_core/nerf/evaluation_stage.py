@@ -1,0 +1,77 @@
+"""The stage `evaluation`: dataset + model -> scores on held-out photographs, beside the cheap answers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+
+from aug3d_core.dataset.reader import read
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.nerf import panels
+from aug3d_core.nerf.checkpoint import load_model
+from aug3d_core.nerf.config import EvaluationConfig
+from aug3d_core.nerf.evaluation import CHEAP, evaluate, summary
+from aug3d_core.nerf.prediction import Prediction
+from aug3d_core.stage import Outcome, Progress
+from aug3d_core.store import layout
+
+SUMMARY = "summary.png"
+
+
+def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progress: Progress) -> Outcome:
+    """Score the model on every test view, and draw panels of some."""
+    scene = read(inputs["dataset"] / layout.SCENE_ZARR)
+    model = load_model(inputs["training"])
+    torch.set_num_threads(len(os.sched_getaffinity(0)))
+    count = len(scene.groups["test"])
+    kept: dict[int, tuple[Prediction, dict[str, np.ndarray]]] = {}
+
+    def seen(group: int, prediction: Prediction, answers: dict[str, np.ndarray]) -> None:
+        kept[group] = (prediction, answers)
+        progress(group + 1, count, "test views")
+
+    progress(0, count, "test views")
+    table = evaluate(model, scene, config, seen)
+    table.to_parquet(out / layout.TEST_VIEWS, index=False)
+    figures = summary(table, config)
+    beaten = [name for name in CHEAP if figures["test_psnr_mean"] <= figures[f"cheap_{name}"]]
+    return Outcome(
+        metrics=figures,
+        notes=tuple(_not_beaten(name, figures) for name in beaten),
+        pictures=_draw(scene, config, table, kept, out) if config.panels else {},
+    )
+
+
+def _not_beaten(name: str, figures: Mapping[str, float | int | bool]) -> str:
+    return (
+        f"the model ({figures['test_psnr_mean']:.2f} dB) does not beat {name.replace('_', ' ')}"
+        f" ({figures[f'cheap_{name}']:.2f} dB)"
+    )
+
+
+def _draw(
+    scene: Scene,
+    config: EvaluationConfig,
+    table: pd.DataFrame,
+    kept: Mapping[int, tuple[Prediction, dict[str, np.ndarray]]],
+    out: Path,
+) -> dict[str, str]:
+    """Draw panels evenly from the best to the worst view; return their captions and paths."""
+    (out / layout.PANELS).mkdir(exist_ok=True)
+    ranked = table.sort_values(["psnr", "group"], ascending=[False, True])
+    chosen = ranked.iloc[np.unique(np.linspace(0, len(ranked) - 1, config.panels).round().astype(int))]
+    pictures, shown = {"Test views, best first": f"{layout.PANELS}/{SUMMARY}"}, []
+    for row in chosen.to_dict("records"):
+        members = scene.groups["test"][row["group"]]
+        one = (int(members[0]), members[1 : 1 + config.input_views], *kept[row["group"]], row)
+        name = f"{layout.PANELS}/{layout.image_name(int(row['photo_id']))}"
+        panels.save(panels.panel(scene, *one), out / name)
+        pictures[f"Photo {row['photo_id']}: {row['psnr']:.1f} dB"] = name
+        shown.append(one)
+    panels.save(panels.summary_panel(scene, shown), out / layout.PANELS / SUMMARY)
+    return pictures
