@@ -2,6 +2,7 @@
 
 config    settings and their presets
 evidence  which points may be used, and their normals towards the cameras
+continuation  the ground between and beyond the points, where photos look
 poisson   oriented points to a surface
 build     one mesh from the photos of some roles
 footprint where there is evidence for a surface, and where there is none

@@ -14,6 +14,7 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.surface.colour import ground_sampling, paint
 from aug3d_core.surface.config import SurfaceConfig
+from aug3d_core.surface.continuation import continue_ground, footprint, guessed
 from aug3d_core.surface.evidence import MIN_POINTS, Evidence, gather
 from aug3d_core.surface.footprint import supported
 from aug3d_core.surface.poisson import octree_depth, reconstruct, simplify
@@ -35,6 +36,7 @@ class Built:
     point_spacing: float  # world units
     vertex_spacing: float  # world units
     ground_sampling: float  # of the photos on the surface, world units per px
+    guessed_share: float  # of the area: ground that goes on between and beyond the points
 
 
 def build(
@@ -50,7 +52,9 @@ def build(
     evidence = gather(points, tracks, views, allowed, config)
     if evidence is None:
         raise _nothing(f"fewer than {MIN_POINTS} good points are seen by two of {allowed.sum()} photos")
-    shape = trim(reconstruct(evidence), evidence, config)
+    givers = views.take(np.flatnonzero(allowed))
+    whole_ground = continue_ground(evidence, givers, config.ground_reach * footprint(evidence, givers))
+    shape = trim(reconstruct(whole_ground), whole_ground, config, rim=True)
     if not len(shape.triangles):
         raise _nothing(f"no surface stands through the {len(evidence.xyz)} points")
     # A triangle mesh has about two triangles per vertex
@@ -59,7 +63,7 @@ def build(
     sampling = ground_sampling(shape, views, chosen)
     affordable = float(np.sqrt(triangle_areas(shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
     spacing = max(sampling, affordable)
-    shape = split_to(shape, spacing, config.vertex_budget)
+    shape = trim(split_to(shape, spacing, config.vertex_budget), whole_ground, config, rim=False)
     colours = paint(shape, spacing, views, chosen, images, config.views_per_vertex, tick)
     whole = colours.known[shape.triangles].all(axis=1)
     if not whole.any():
@@ -67,15 +71,20 @@ def build(
     used = np.unique(shape.triangles[whole])
     kept = shape.keep(whole)
     mesh = Mesh(kept.xyz.astype(np.float32), colours.rgb[used], kept.triangles)
-    return Built(mesh, len(evidence.xyz), octree_depth(evidence), evidence.spacing, spacing, sampling)
+    area = triangle_areas(kept)
+    guess = float((area * guessed(kept.xyz[kept.triangles].mean(axis=1), evidence)).sum() / area.sum())
+    return Built(mesh, len(evidence.xyz), octree_depth(whole_ground), evidence.spacing, spacing, sampling, guess)
 
 
-def trim(shape: Shape, evidence: Evidence, config: SurfaceConfig) -> Shape:
-    """Cut away what no point supports, then loose crumbs."""
+def trim(shape: Shape, evidence: Evidence, config: SurfaceConfig, rim: bool) -> Shape:
+    """Cut away what no point supports, then loose crumbs; `rim` keeps triangles that are supported in part."""
     max_gap = config.max_gap_spacings * evidence.spacing
-    keep = supported(shape.xyz, evidence.xyz, evidence.spacing, max_gap)
-    return drop_small_components(shape.keep(keep[shape.triangles].all(axis=1)), config.min_component_share)
+    corners = supported(shape.xyz, evidence.xyz, evidence.spacing, max_gap)[shape.triangles]
+    keep = corners.any(axis=1) if rim else corners.all(axis=1)
+    return drop_small_components(shape.keep(keep), config.min_component_share)
 
 
 def _nothing(problem: str) -> InputError:
-    return InputError(problem, "take more photos of textured ground with at least 60 % overlap, or use larger working copies")
+    return InputError(
+        problem, "take more photos of textured ground with at least 60 % overlap, or use larger working copies"
+    )

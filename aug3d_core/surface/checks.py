@@ -61,12 +61,12 @@ def compare(photo: Path, render: Image.Image, longest_px: int) -> Comparison:
 def render_views(mesh: Mesh, views: Views, chosen: list[int]) -> list[Image.Image]:
     """Render the mesh at the poses and sizes of views."""
     caster = Raycaster(mesh.xyz, mesh.triangles)
-    return [
-        rgba(caster.render(mesh.rgb, views.cam_from_world[v], views.intrinsics[v], views.size[v])) for v in chosen
-    ]
+    return [rgba(caster.render(mesh.rgb, views.cam_from_world[v], views.intrinsics[v], views.size[v])) for v in chosen]
 
 
-def compare_views(images: Path, views: Views, chosen: list[int], renders: list[Image.Image], px: int) -> list[Comparison]:
+def compare_views(
+    images: Path, views: Views, chosen: list[int], renders: list[Image.Image], px: int
+) -> list[Comparison]:
     """Compare renders with the photos of the same views."""
     return [
         compare(images / image_name(views.photo_id[view]), render, px)
@@ -74,7 +74,9 @@ def compare_views(images: Path, views: Views, chosen: list[int], renders: list[I
     ]
 
 
-def side_by_side(images: Path, views: Views, chosen: list[int], renders: list[Image.Image], width_px: int) -> Image.Image:
+def side_by_side(
+    images: Path, views: Views, chosen: list[int], renders: list[Image.Image], width_px: int
+) -> Image.Image:
     """Draw one row per view: the photo, then the mesh at the same pose."""
     rows = [compare(images / image_name(views.photo_id[v]), r, width_px) for v, r in zip(chosen, renders, strict=True)]
     height, width = (max(row.alpha.shape[axis] for row in rows) for axis in (0, 1))

@@ -1,7 +1,7 @@
 """Vertex colours: each vertex takes the blend of the few photographs that see it sharpest.
 
 A photo's score at a vertex is the number of its pixels per unit of surface there, f^2 cos(angle) / depth^2: near and head-on
-wins. Blending only the best few keeps the sharpness that a mean over all loses to errors of pose and shape.
+wins, and near its border a photo fades out. Blending only the best few keeps the sharpness that a mean over all loses to errors of pose and shape.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from aug3d_core.surface.shape import Shape, edges, vertex_normals
 
 MIN_COSINE = 0.1  # flatter than this a photo sees the vertex as a smear
 SHARPNESS = 4  # power of the score in the blend: the best dominates, and seams between photos still fade
+BORDER_FADE = 0.05  # of a photo's shorter side: a photo that ended at full weight would leave an edge on the ground
 FILL_ROUNDS = 6  # edges over which colour may creep into surface that no photo sees; the rest has no evidence
 
 
@@ -79,7 +80,9 @@ def _sees(
     # Start a spacing off the surface, or the triangles around the vertex would hide it
     free = ~caster.occluded(shape.xyz[vertex] + spacing * normals[vertex], to_camera, near=0.0, far=1.0)
     vertex = vertex[free]
-    return vertex, xy[vertex], fx * fy * cosine[free] / depth[vertex] ** 2
+    to_border = np.minimum(xy[vertex], views.size[view] - xy[vertex]).min(axis=1) / views.size[view].min()
+    fade = np.minimum(1.0, to_border / BORDER_FADE)
+    return vertex, xy[vertex], fade * fx * fy * cosine[free] / depth[vertex] ** 2
 
 
 def _sample(image: Image.Image, xy: Float[np.ndarray, "s 2"], pixels: float) -> Float[np.ndarray, "s 3"]:

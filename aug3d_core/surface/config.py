@@ -17,7 +17,10 @@ class SurfaceConfig(StageConfig):
         2.0, gt=0, le=20, description="Reprojection error (px) above which a point is not used."
     )
     min_angle_deg: float = Field(
-        2.0, ge=0, le=45, description="Angle (degrees) between a point's outermost rays below which its depth is a guess."
+        2.0,
+        ge=0,
+        le=45,
+        description="Angle (degrees) between a point's outermost rays below which its depth is a guess.",
     )
     neighbours: int = Field(12, ge=4, le=100, description="Points that a normal and an outlier test look at.")
     outlier_sigma: float = Field(
@@ -25,6 +28,12 @@ class SurfaceConfig(StageConfig):
     )
     max_gap_spacings: float = Field(
         12.0, ge=1, le=200, description="Widest hole to close, as a multiple of the points' spacing."
+    )
+    ground_reach: float = Field(
+        1.0,
+        ge=0,
+        le=10,
+        description="How far the ground goes on beyond the points where a photo looks, in sides of a photo's footprint.",
     )
     min_component_share: float = Field(
         0.01, ge=0, le=1, description="Share of all triangles below which a loose piece is dropped."

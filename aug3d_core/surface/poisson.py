@@ -20,7 +20,9 @@ def reconstruct(evidence: Evidence) -> Shape:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(evidence.xyz - origin))
     cloud.normals = o3d.utility.Vector3dVector(evidence.normals)
     # One thread: with more, the order of sums and so the bytes change from run to run
-    mesh = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=octree_depth(evidence), n_threads=1)[0]
+    mesh = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=octree_depth(evidence), n_threads=1)[
+        0
+    ]
     return _shape(mesh, origin)
 
 
@@ -34,9 +36,7 @@ def simplify(shape: Shape, triangles: int) -> Shape:
     """Decimate by quadric error to at most about `triangles`."""
     if len(shape.triangles) <= triangles:
         return shape
-    mesh = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(shape.xyz), o3d.utility.Vector3iVector(shape.triangles)
-    )
+    mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(shape.xyz), o3d.utility.Vector3iVector(shape.triangles))
     return _shape(mesh.simplify_quadric_decimation(triangles), np.zeros(3))
 
 

@@ -39,7 +39,8 @@ def vertex_normals(shape: Shape) -> Float[np.ndarray, "v 3"]:
 
 def edges(shape: Shape) -> Int[np.ndarray, "e 2"]:
     """Return each edge once, the smaller vertex first, sorted."""
-    return np.unique(_directed_edges(shape.triangles), axis=0)
+    key = np.unique(_edge_keys(shape))
+    return np.stack(np.divmod(key, len(shape.xyz)), axis=1)
 
 
 def drop_small_components(shape: Shape, min_share: float) -> Shape:
@@ -83,10 +84,7 @@ def _split_edges(shape: Shape, pairs: np.ndarray, chosen: np.ndarray) -> Shape:
     middle_of = np.full(len(pairs), -1)
     middle_of[chosen] = len(shape.xyz) + np.arange(len(chosen))
     xyz = np.concatenate([shape.xyz, shape.xyz[pairs[chosen]].mean(axis=1)])
-    ordered = _directed_edges(shape.triangles)
-    # One integer per edge is searched far faster than rows
-    key = pairs[:, 0].astype(np.int64) * len(shape.xyz) + pairs[:, 1]
-    edge = np.searchsorted(key, ordered[:, 0].astype(np.int64) * len(shape.xyz) + ordered[:, 1])
+    edge = np.searchsorted(pairs[:, 0] * len(shape.xyz) + pairs[:, 1], _edge_keys(shape))
     middles = middle_of[edge].reshape(3, -1).T  # of edges ab, bc, ca
     count = (middles >= 0).sum(axis=1)
     parts = [shape.triangles[count == 0]]
@@ -114,9 +112,11 @@ def _turned(triangles: np.ndarray, middles: np.ndarray, count: np.ndarray) -> li
     return [(triangles[count == n], middles[count == n]) for n in (1, 2, 3) if (count == n).any()]
 
 
-def _directed_edges(triangles: np.ndarray) -> np.ndarray:
-    """Return edges ab of all triangles, then bc, then ca, each with the smaller vertex first."""
-    return np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+def _edge_keys(shape: Shape) -> np.ndarray:
+    """Return one integer per edge ab of all triangles, then bc, then ca: far faster to sort and search than pairs."""
+    a, b, c = shape.triangles.T.astype(np.int64)
+    ends = np.stack([np.concatenate([a, b, c]), np.concatenate([b, c, a])])
+    return ends.min(axis=0) * len(shape.xyz) + ends.max(axis=0)
 
 
 def _sum_at_corners(shape: Shape, value: np.ndarray) -> np.ndarray:

@@ -79,6 +79,7 @@ def _figures(train: Built, baseline: Built) -> dict:
         "octree_depth": train.octree_depth,
         "point_spacing_px": round(train.point_spacing / train.ground_sampling, 3),
         "vertex_spacing_px": round(train.vertex_spacing / train.ground_sampling, 3),
+        "guessed_share": round(train.guessed_share, 4),
         "baseline_points": baseline.points,
         "baseline_vertices": len(baseline.mesh.xyz),
         "baseline_triangles": len(baseline.mesh.triangles),

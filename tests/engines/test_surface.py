@@ -3,6 +3,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
+
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import apply, look_at
@@ -13,7 +15,6 @@ from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.poisson import octree_depth, reconstruct, simplify
 from aug3d_core.surface.raycast import Raycaster, pixel_rays
 from aug3d_core.surface.stage import run
-from PIL import Image
 
 WIDTH, HEIGHT = 7, 11
 INTRINSICS = np.array([8.0, 9.0, 3.1, 5.7])

@@ -1,4 +1,5 @@
 import numpy as np
+
 from aug3d_core.surface.footprint import supported
 
 

@@ -1,4 +1,7 @@
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from aug3d_core.surface.shape import (
     Shape,
     drop_degenerate,
@@ -8,8 +11,6 @@ from aug3d_core.surface.shape import (
     triangle_areas,
     vertex_normals,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 
 def patch(columns: int = 7, rows: int = 11, seed: int = 0) -> Shape:
