@@ -24,7 +24,7 @@ def enu_from_geodetic(
 def geodetic_from_enu(
     enu: Float[np.ndarray, "*n 3"], origin_geodetic: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, "*n 3"]:
-    """Map metres east, north and up of the origin to (lat, lon, alt); inverse of `enu_from_geodetic` to a micrometre."""
+    """Map metres east, north and up of the origin to (lat, lon, alt): the inverse of `enu_from_geodetic`."""
     x, y, z = np.moveaxis(enu @ _enu_from_ecef(origin_geodetic) + _ecef(origin_geodetic), -1, 0)
     from_axis = np.hypot(x, y)
     lat, alt = np.arctan2(z, from_axis * (1 - _E2)), np.zeros_like(z)

@@ -15,8 +15,8 @@ GROUND_PERCENTILE = 10.0
 def up_from_cameras(cam_from_world: Float[np.ndarray, "n 3 4"]) -> Float[np.ndarray, " 3"]:
     """Guess the up direction from cameras held level or looking down: the mean of their up and backward axes.
 
-    Level cameras' up axes and downward cameras' backward axes point up; what is horizontal cancels as headings vary. Good
-    to some tens of degrees.
+    Level cameras' up axes and downward cameras' backward axes point up; what is horizontal cancels as headings vary.
+    Good to some tens of degrees.
     """
     return _unit(-(cam_from_world[:, 1, :3] + cam_from_world[:, 2, :3]).sum(axis=0))
 

@@ -1,11 +1,11 @@
-"""Similarity transforms x -> scale * rotation @ x + translation, and their fit to pairs of points, in 2 or 3 dimensions."""
+"""Similarity transforms x -> scale * rotation @ x + translation, fitted to pairs of points in 2 or 3 dimensions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 _TRIALS = 1000
 
@@ -73,7 +73,7 @@ def fit_similarity_robustly(
     return best, inliers
 
 
-def _samples(count: int, size: int, rng: np.random.Generator) -> Float[np.ndarray, "trials size"]:
+def _samples(count: int, size: int, rng: np.random.Generator) -> Int[np.ndarray, "trials size"]:
     return np.argsort(rng.random((_TRIALS, count)), axis=1)[:, : min(size, count)]
 
 

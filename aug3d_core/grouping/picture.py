@@ -20,12 +20,13 @@ _GROUPS_DRAWN = 8
 
 def draw_similarity(shared: sparse.csr_array, path: Path) -> None:
     """Write the matrix as a heat map in capture order, logarithmic; white where nothing is shared."""
-    step = max(1, shared.shape[0] // _MOST_PIXELS)
+    views = len(shared.diagonal())
+    step = max(1, views // _MOST_PIXELS)
     values = shared[::step, ::step].toarray().astype(float)
     figure = Figure(figsize=(7, 6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    extent = (0, shared.shape[0], shared.shape[0], 0)
+    extent = (0, views, views, 0)
     scale = LogNorm(1, max(2, values.max()))
     image = axes.imshow(np.where(values > 0, values, np.nan), norm=scale, extent=extent, interpolation="nearest")
     axes.set(xlabel="view, in capture order", ylabel="view, in capture order", title="Points that two views share")
@@ -43,19 +44,23 @@ def draw_grouping(
     """Write two maps side by side: where the views of each role look, and the members of the first groups."""
     figure = Figure(figsize=(13, 6.5), layout="constrained")
     FigureCanvasAgg(figure)
-    roles, groups = figure.subplots(1, 2, sharex=True, sharey=True)
+    roles, groups = figure.subplots(1, 2)
     for role, colour in _ROLE_COLOURS.items():
         chosen = split.views(role)
         at, look = centres_in_world[chosen], look_in_world[chosen]
-        roles.quiver(*at.T, *(look - at).T, color=colour, angles="xy", scale_units="xy", scale=1, width=0.002, alpha=0.5)
-        roles.scatter(*at.T, s=30, color=colour, edgecolors="black", linewidths=0.4, label=f"{role} ({len(chosen)})", zorder=3)
+        roles.plot(*np.stack([at, look]).transpose(2, 0, 1), color=colour, lw=1, alpha=0.5)
+        label = f"{role} ({len(chosen)})"
+        roles.scatter(*at.T, s=30, color=colour, edgecolors="black", linewidths=0.4, label=label, zorder=3)
     roles.legend()
-    roles.set(title="Roles: cameras, and where they look", aspect="equal")
+    roles.set(title="Roles: cameras, and where they look")
+    roles.set_aspect("equal", adjustable="datalim")
     groups.scatter(*look_in_world.T, s=12, color="lightgrey")
     for number, group in enumerate(members[:_GROUPS_DRAWN]):
         look = look_in_world[group]
         for member in look[1:]:
             groups.plot(*np.stack([look[0], member]).T, color=f"C{number}", lw=1, alpha=0.7)
         groups.scatter(*look[0], s=60, color=f"C{number}", edgecolors="black", zorder=3)
-    groups.set(title=f"{min(len(members), _GROUPS_DRAWN)} of {len(members)} groups: where centre and members look", aspect="equal")
+    drawn = min(len(members), _GROUPS_DRAWN)
+    groups.set(title=f"{drawn} of {len(members)} groups: where centre and members look")
+    groups.set_aspect("equal", adjustable="datalim")
     figure.savefig(path, dpi=100, metadata={"Software": None})

@@ -2,8 +2,8 @@
 
     group(scene, candidates, k, count, rng) -> members (C, K)
 
-`candidates` are the views (indices) that may be used, `count` is the number of groups wanted, C <= count the number made;
-row c holds the views of group c, its centre first.
+`candidates` are the views (indices) that may be used, `count` is the number of groups wanted, C <= count the number
+made; row c holds the views of group c, its centre first.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from aug3d_core.geometry.views import Views
 class GroupingScene:
     """Views, what they share, and where they look.
 
-    shared: points that each pair of views shares (n x n). look_in_world: mean ground position of the points a view sees.
+    shared: points that each pair of views shares (n x n). look_in_world: mean ground position of what a view sees.
     """
 
     views: Views

@@ -1,4 +1,4 @@
-"""Group views by shared points: centres spread evenly over the scene, and the views that share most points with each."""
+"""Group views by shared points: centres spread evenly over the scene, and the views that share most with each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aug3d_core.grouping.spread import farthest_points
 def group(
     scene: GroupingScene, candidates: Int[np.ndarray, " m"], k: int, count: int, rng: np.random.Generator
 ) -> Int[np.ndarray, "c k"]:
-    """Return the members of each group, centre first, then by shared points. `rng` is not used: nothing here is random."""
+    """Return the members of each group, centre first, then by shared points. Nothing is random: `rng` is not used."""
     centres = candidates[farthest_points(scene.look_in_world[candidates], count)]
     return np.stack([most_shared(scene, centre, candidates, k) for centre in centres])
 

@@ -39,4 +39,5 @@ def run(inputs: Inputs, config: SimilarityConfig, out: Path, progress: Progress)
     if len(sizes) > 1:
         apart = len(views) - sizes.max()
         notes.append(f"{apart} views share fewer than {config.connected_points} points with any view of the main part")
-    return Outcome(metrics=metrics, notes=tuple(notes), pictures={"Shared points of every pair": layout.SIMILARITY_PICTURE})
+    pictures = {"Shared points of every pair": layout.SIMILARITY_PICTURE}
+    return Outcome(metrics=metrics, notes=tuple(notes), pictures=pictures)

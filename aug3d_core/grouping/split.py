@@ -100,6 +100,6 @@ def _block(
 
 
 def _targets(block: Bool[np.ndarray, " n"], photo_id: Int[np.ndarray, " n"]) -> Int[np.ndarray, " t"]:
-    """Return every third view of the block in capture order, from its second: the first and last support the others."""
+    """Return every third view of the block in capture order, from its second."""
     views = np.flatnonzero(block)
     return views[np.argsort(photo_id[views], kind="stable")][1::_EVERY_THIRD]

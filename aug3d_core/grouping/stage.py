@@ -112,7 +112,7 @@ def _notes(
     notes, degraded = [], False
     if k < config.k:
         notes.append(f"K is {k}, not {config.k}: there are only {k} training views")
-        degraded = True
+        degraded = 2 * k < config.k
     if split.gap_shared_share > config.gap_shared_share:
         notes.append(
             f"training views may share up to {split.gap_shared_share:.0%} of their points with the test block, not "
@@ -120,6 +120,6 @@ def _notes(
         )
         degraded |= split.gap_shared_share >= 1
     if len(lonely := np.setdiff1d(split.views(Role.TRAIN), members)):
-        photos = ", ".join(str(views.photo_id[view]) for view in lonely[:10])
-        notes.append(f"{len(lonely)} training views are in no group: photos {photos}{', ...' if len(lonely) > 10 else ''}")
+        photos = ", ".join(str(views.photo_id[view]) for view in lonely[:10]) + (", ..." if len(lonely) > 10 else "")
+        notes.append(f"{len(lonely)} training views are in no group: photos {photos}")
     return notes, degraded

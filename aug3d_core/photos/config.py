@@ -10,9 +10,13 @@ from aug3d_core.stage import StageConfig
 class PhotosConfig(StageConfig):
     """What counts as a usable photograph, and how large the working copies are."""
 
-    max_px: int = Field(1024, ge=64, le=16384, description="Longest side of a working copy, px; never enlarged.")
-    min_px: int = Field(160, ge=16, le=4096, description="Shortest side below which a photograph is left out, px.")
-    min_photos: int = Field(3, ge=3, le=1000, description="Fewest usable photographs to go on with.")
+    max_px: int = Field(
+        default=1024, ge=64, le=16384, description="Longest side of a working copy, px; never enlarged."
+    )
+    min_px: int = Field(
+        default=160, ge=16, le=4096, description="Shortest side below which a photograph is left out, px."
+    )
+    min_photos: int = Field(default=3, ge=3, le=1000, description="Fewest usable photographs to go on with.")
 
 
 PRESETS: dict[str, PhotosConfig] = {

@@ -14,7 +14,7 @@ from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.discover import file_digest
 from aug3d_core.photos.exif import Exif, read_exif
 
-FORMATS = ("JPEG", "MPO", "PNG", "TIFF")
+FORMATS = ("JPEG", "PNG", "TIFF")  # JPEG includes MPO, which some cameras write: its first picture is taken
 _SHARPNESS_PX = 512
 
 
@@ -55,7 +55,7 @@ def decode(source: Path, name: str, copy: Path, config: PhotosConfig) -> Decoded
         raise
     except Image.DecompressionBombError as error:
         raise RejectedError(f"too large: {error}") from error
-    except Exception as error:  # Pillow raises whatever its parsers meet in damaged files: SyntaxError, struct.error, ...
+    except Exception as error:  # Pillow raises whatever its parsers meet in damaged files, SyntaxError among them
         raise RejectedError(f"unreadable: {_reason(error)}") from error
     pixels_sha256 = hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes()).hexdigest()
     pixels.thumbnail((config.max_px, config.max_px), Image.Resampling.LANCZOS)

@@ -25,7 +25,7 @@ class Found:
 def natural_key(name: str) -> tuple[tuple[tuple[int, int, str], ...], str]:
     """Return the key that sorts `img_9` before `img_10`; names that differ only in case or zeros stay distinct."""
     parts = re.split(r"(\d+)", name.lower())
-    return tuple((1, int(part), "") if part.isdigit() else (0, 0, part) for part in parts), name
+    return tuple((1, int(part), "") if i % 2 else (0, 0, part) for i, part in enumerate(parts)), name
 
 
 def find_photos(folder: Path) -> Found:

@@ -22,7 +22,7 @@ _WIDEST_SENSOR = 1.55  # aspect above which a frame is a full-width crop of a 4:
 class Exif:
     """What a photograph says of itself; NaN or None where it says nothing usable.
 
-    focal_px: at the stored size of the photograph. focal_source: focal_plane, 35mm or none. orientation: the tag as found.
+    focal_px: at the stored size of the photograph. focal_source: focal_plane, 35mm or none. orientation: as found.
     """
 
     camera: str
@@ -64,8 +64,8 @@ def _focal(detail: Any, size: tuple[int, int]) -> tuple[float, str]:
 def _focal_plane(detail: Any, size: tuple[int, int]) -> float:
     """Focal length from mm and pixels per unit of the sensor.
 
-    The resolution counts pixels of the photograph as taken, which EXIF's PixelXDimension still states after downscaling;
-    a crop (another aspect) makes both useless.
+    The resolution counts pixels of the photograph as taken, whose size EXIF's PixelXDimension still states after
+    downscaling; a crop (another aspect) makes both useless.
     """
     original = _number(detail.get(ExifTags.Base.ExifImageWidth)), _number(detail.get(ExifTags.Base.ExifImageHeight))
     if not all(side > 0 for side in original):

@@ -70,8 +70,8 @@ def _decode_all(
 
     usable, rejected = [], []
     with warnings.catch_warnings(), ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        # Pillow warns at 90 megapixels, which good cameras exceed (it refuses, as we want, at twice that), and of corrupt
-        # EXIF, which we read as unknown. Set here, because filters are not safe to set within threads.
+        # Pillow warns at 90 megapixels, which good cameras exceed (it refuses, as we want, at twice that), and of
+        # corrupt EXIF, which we read as unknown. Set here, because filters are not safe to set within threads.
         warnings.simplefilter("ignore")
         for done, result in enumerate(pool.map(one, enumerate(found.names)), start=1):
             name = found.names[done - 1]

@@ -1,4 +1,4 @@
-"""Recover camera poses, points and tracks from photographs, in a world that is metric and level. The only door to pycolmap.
+"""Recover camera poses, points and tracks from photographs, in a level world. The only door to pycolmap.
 
 pairs     which photographs to match with which (plain numpy)
 features  photo table -> database of features and verified matches

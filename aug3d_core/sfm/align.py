@@ -1,8 +1,8 @@
 """Bring a reconstruction, whose frame and scale are arbitrary, into the project's world.
 
-With GPS: ENU metres about the photographs' median position. Without: z up and a nominal scale, in which the median camera
-flies 50 units above the ground, about as high as drones do, so that settings in metres stay sensible. In both, z = 0 is
-the ground. Plain numpy.
+With GPS: ENU metres about the photographs' median position. Without: z up and a nominal scale, in which the median
+camera flies 50 units above the ground, about as high as drones do, so that settings in metres stay sensible. In both,
+z = 0 is the ground. Plain numpy.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _MOST_DISAGREEMENT = 0.25  # median GPS residual over the spread of the position
 class Alignment:
     """How the world was found.
 
-    world_from_model: the similarity to apply. up_from: gps, or gravity (cameras and ground). residual_m: horizontal distance
-    of each camera to its GPS position, NaN without. up_offset_m: GPS height of z = 0 about the GPS origin.
+    world_from_model: the similarity to apply. up_from: gps, or gravity (cameras and ground). residual_m: horizontal
+    distance of each camera to its GPS position, NaN without. up_offset_m: GPS height of z = 0 about the GPS origin.
     problem: why GPS that exists was not used.
     """
 
@@ -69,9 +69,12 @@ def align(
 
 
 def _fit_gps(
-    centres_in_model: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"], level: Similarity, rng: np.random.Generator
+    centres_in_model: Float[np.ndarray, "n 3"],
+    gps_enu_m: Float[np.ndarray, "n 3"],
+    level: Similarity,
+    rng: np.random.Generator,
 ) -> tuple[Similarity, str]:
-    """Fit all three axes where that fixes the vertical well, else the horizontal ones and leave the vertical to gravity."""
+    """Fit all three axes where that fixes the vertical well, else the horizontal ones, the vertical left to gravity."""
     fit, used = fit_similarity_robustly(centres_in_model, gps_enu_m, rng)
     up_noise_m = 1.4826 * np.median(np.abs((fit.apply(centres_in_model) - gps_enu_m)[used, 2]))
     across_m = np.linalg.svd(gps_enu_m[used, :2] - gps_enu_m[used, :2].mean(axis=0), compute_uv=False)[-1]
@@ -108,7 +111,7 @@ def _nominal(
     points = level.apply(points_in_model)
     height = np.median(level.apply(centres(cam_from_model))[:, 2]) - ground_height(points[:, 2])
     # Cameras carried at ground level have no height to speak of; what they see at 50 units is as good a scale.
-    scale = NOMINAL_HEIGHT / (height if height > 0.1 * median_depth else median_depth)
+    scale = float(NOMINAL_HEIGHT / (height if height > 0.1 * median_depth else median_depth))
     middle = np.append(np.median(points[:, :2], axis=0), ground_height(points[:, 2]))
     return Similarity(scale, level.rotation, -scale * middle)
 

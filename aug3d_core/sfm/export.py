@@ -79,6 +79,7 @@ def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path) -
     out.mkdir(parents=True, exist_ok=True)
     for image in registered(model):
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
+        assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
         undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
         Image.fromarray(undistorted.to_array()).save(out / layout.image_name(photo_id(image)), compress_level=1)
 

@@ -48,9 +48,7 @@ def extract(photos: pd.DataFrame, images: Path, database: Path, config: SfmConfi
     options.sift.max_num_features = config.max_features
     names = [layout.image_name(photo_id) for photo_id in photos["photo_id"]]
     for start in range(0, len(names), _PHOTOS_PER_CALL):
-        pycolmap.extract_features(
-            database, images, names[start : start + _PHOTOS_PER_CALL], extraction_options=options
-        )
+        pycolmap.extract_features(database, images, names[start : start + _PHOTOS_PER_CALL], extraction_options=options)
         progress(min(start + _PHOTOS_PER_CALL, len(names)), len(names), "photographs searched for features")
 
 

@@ -17,7 +17,7 @@ _WORTH = 1.03  # reprojection error with the focal length kept, over that with i
 
 
 def settle_focal(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> tuple[pycolmap.Reconstruction, str]:
-    """Return the model with the focal lengths of EXIF where they fit as well, and which were taken: `exif` or `refined`."""
+    """Return the model, with the focal lengths of EXIF where they fit as well, and which it has: exif or refined."""
     priors = _priors(model, photos)
     if len(priors) < model.num_cameras():
         return model, "refined"

@@ -17,7 +17,7 @@ SMALLEST_MODEL = 3
 def reconstruct(
     images: Path, database: Path, photos: int, config: SfmConfig, progress: Progress
 ) -> list[pycolmap.Reconstruction]:
-    """Return the reconstructions of at least 3 photographs, sorted by photographs, then points; empty if there is none."""
+    """Return the reconstructions of at least 3 photographs, sorted by photographs, then points; there may be none."""
     options = pycolmap.IncrementalPipelineOptions()
     options.min_model_size = SMALLEST_MODEL
     options.num_threads = threads()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.sfm.config import SfmConfig
@@ -41,11 +41,13 @@ def neighbour_pairs(positions_m: Float[np.ndarray, "n 2"], neighbours: int) -> I
     count = len(positions_m)
     located = np.flatnonzero(np.isfinite(positions_m).all(axis=1))
     lost = np.setdiff1d(np.arange(count), located)
-    nearest = cKDTree(positions_m[located]).query(positions_m[located], k=min(neighbours + 1, len(located)))[1]
-    sequence = np.concatenate([np.stack([np.arange(count - s), np.arange(s, count)], 1) for s in range(1, _IN_SEQUENCE + 1)])
+    most = min(neighbours + 1, len(located))  # a photograph is its own nearest
+    nearest = np.asarray(KDTree(positions_m[located]).query(positions_m[located], k=most)[1])
+    steps = range(1, _IN_SEQUENCE + 1)
+    sequence = np.concatenate([np.stack([np.arange(count - step), np.arange(step, count)], axis=1) for step in steps])
     pairs = np.concatenate(
         [
-            np.stack([np.repeat(located, nearest.shape[1]), located[nearest.ravel()]], axis=1),
+            np.stack([np.repeat(located, most), located[nearest.ravel()]], axis=1),
             np.stack([np.repeat(lost, count), np.tile(np.arange(count), len(lost))], axis=1),
             sequence,
         ]

@@ -22,7 +22,7 @@ def draw_map(views: Views, points: Points, unit: str, path: Path) -> None:
     shown = points.xyz[:: max(1, len(points.xyz) // _MOST_POINTS)]
     colours = points.rgb[:: max(1, len(points.xyz) // _MOST_POINTS)] / 255
     low, high = np.percentile(points.xyz[:, :2], [0.5, 99.5], axis=0)
-    axes.scatter(shown[:, 0], shown[:, 1], s=1.5, c=colours, linewidths=0)
+    axes.scatter(shown[:, 0], shown[:, 1], s=np.clip(3e4 / len(shown), 1, 12), c=colours, linewidths=0)
     at, ahead = centres(views.cam_from_world), forward(views.cam_from_world)
     axes.plot(at[:, 0], at[:, 1], "-", color="tab:red", lw=0.5, alpha=0.6)
     axes.quiver(at[:, 0], at[:, 1], ahead[:, 0], ahead[:, 1], color="tab:red", scale=25, width=0.003)

@@ -44,7 +44,12 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     arrays = _write(model, alignment, photos, images, out)
     _write_components([model, *models[1:]], photos, out)
     metrics = _metrics(model, arrays, alignment, photos, len(models))
-    metrics |= {"pairs_tried": len(pairs), "pairs_matched": matched, "pairs_by": chosen_by, "focal_source": focal_source}
+    metrics |= {
+        "pairs_tried": len(pairs),
+        "pairs_matched": matched,
+        "pairs_by": chosen_by,
+        "focal_source": focal_source,
+    }
     notes = _notes(model, models, alignment, photos)
     return Outcome(
         metrics=metrics,
@@ -84,12 +89,13 @@ def _write(
 
 
 def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
-    """Return what `world.json` says. The origin is the place on earth of (0, 0, 0); its altitude is null if GPS had none."""
-    record = {"metric": alignment.metric, "unit": "m" if alignment.metric else "scene unit", "up_from": alignment.up_from}
+    """Return what `world.json` says. The origin is where on earth (0, 0, 0) is, its altitude null if GPS had none."""
+    unit = "m" if alignment.metric else "scene unit"
+    record = {"metric": alignment.metric, "unit": unit, "up_from": alignment.up_from}
     if not alignment.metric:
         return record | {"origin": None, "gps_residual_m_median": None}
     lat_deg, lon_deg, alt_m = gps_positions(photos)[1]
-    alt_m = float(alt_m + alignment.up_offset_m) if photos["alt_m"].notna().any() else None
+    alt_m = float(alt_m + alignment.up_offset_m) if np.isfinite(photos["alt_m"].to_numpy()).any() else None
     return record | {
         "origin": {"lat_deg": float(lat_deg), "lon_deg": float(lon_deg), "alt_m": alt_m},
         "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)),
@@ -138,7 +144,7 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     placed = {export.photo_id(image) for image in export.registered(model)}
-    lost = photos.loc[~photos["photo_id"].isin(placed), "name"].tolist()
+    lost = [name for photo, name in zip(photos["photo_id"], photos["name"], strict=True) if photo not in placed]
     if lost:
         names = ", ".join(lost[:5]) + (", ..." if len(lost) > 5 else "")
         notes.append(f"{len(lost)} of {len(photos)} photographs could not be placed: {names}")
@@ -154,7 +160,7 @@ def _notes(
 
 def _nothing_found(photos: int, pairs: int, matched: int) -> InputError:
     return InputError(
-        f"no scene could be reconstructed: {matched} of {pairs} compared pairs of {photos} photographs show the same thing, "
-        f"and no {SMALLEST_MODEL} photographs hold together",
+        f"no scene could be reconstructed: {matched} of {pairs} compared pairs of {photos} photographs show the same "
+        f"thing, and no {SMALLEST_MODEL} photographs hold together",
         "Use photographs of one scene in which neighbours overlap by 60 % or more, sharp and with texture.",
     )

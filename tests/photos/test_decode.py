@@ -1,0 +1,122 @@
+"""Photographs become working copies, or are rejected with a reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from photos.photo_files import pixels, write_photo
+from PIL import ExifTags, Image, ImageFilter
+
+from aug3d_core.photos import decode as module
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.decode import RejectedError, decode, measure_sharpness
+
+
+def decoded(path: Path, tmp_path: Path, **config: int) -> module.Decoded:
+    return decode(path, path.name, tmp_path / "copy.png", PhotosConfig(**config))
+
+
+def test_small_photographs_keep_their_pixels(tmp_path: Path) -> None:
+    path = write_photo(tmp_path / "a.png", size=(321, 203))
+    photo = decoded(path, tmp_path)
+    assert photo.size == photo.original_size == (321, 203)
+    np.testing.assert_array_equal(np.asarray(Image.open(photo.copy)), np.asarray(Image.open(path)))
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"), [((640, 480), (200, 150)), ((480, 640), (150, 200)), ((901, 300), (200, 67))]
+)
+def test_large_photographs_are_reduced(tmp_path: Path, size: tuple[int, int], expected: tuple[int, int]) -> None:
+    photo = decoded(write_photo(tmp_path / "a.jpg", size=size), tmp_path, max_px=200)
+    assert photo.size == expected
+    assert photo.original_size == size
+
+
+def test_the_orientation_tag_turns_nothing(tmp_path: Path) -> None:
+    path = write_photo(tmp_path / "a.jpg", main={ExifTags.Base.Orientation: 6})
+    photo = decoded(path, tmp_path)
+    assert photo.exif.orientation == 6
+    assert photo.size == (320, 240)
+    with Image.open(photo.copy) as copy:
+        assert not copy.getexif()
+
+
+@pytest.mark.parametrize("mode", ["L", "P", "RGBA", "CMYK", "I;16", "1"])
+def test_every_mode_becomes_rgb(tmp_path: Path, mode: str) -> None:
+    if mode == "I;16":
+        image = Image.fromarray(np.asarray(pixels().convert("L")).astype(np.uint16) * 257)
+    else:
+        image = pixels().convert(mode)
+    image.save(tmp_path / "a.tif")
+    copy = Image.open(decoded(tmp_path / "a.tif", tmp_path).copy)
+    assert copy.mode == "RGB"
+    assert np.std(np.asarray(copy)) > 10
+
+
+def test_deep_grey_keeps_its_tones(tmp_path: Path) -> None:
+    grey = np.asarray(pixels().convert("L"))
+    Image.fromarray(grey.astype(np.uint16) * 257).save(tmp_path / "a.tif")
+    copy = np.asarray(Image.open(decoded(tmp_path / "a.tif", tmp_path).copy))
+    np.testing.assert_array_equal(copy[..., 0], grey)
+
+
+def test_a_truncated_jpeg(tmp_path: Path) -> None:
+    path = write_photo(tmp_path / "a.jpg")
+    path.write_bytes(path.read_bytes()[:-800])
+    with pytest.raises(RejectedError, match="unreadable: image file is truncated"):
+        decoded(path, tmp_path)
+    assert not (tmp_path / "copy.png").exists()
+
+
+def test_text_that_calls_itself_a_photograph(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_text("not a photograph")
+    with pytest.raises(RejectedError, match="not a JPEG, PNG or TIFF image"):
+        decoded(tmp_path / "a.jpg", tmp_path)
+
+
+def test_an_empty_file(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").touch()
+    with pytest.raises(RejectedError, match="unreadable"):
+        decoded(tmp_path / "a.jpg", tmp_path)
+
+
+def test_a_broken_link_is_named_without_its_path(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").symlink_to(tmp_path / "gone.jpg")
+    with pytest.raises(RejectedError) as rejected:
+        decoded(tmp_path / "a.jpg", tmp_path)
+    assert "No such file" in str(rejected.value)
+    assert str(tmp_path) not in str(rejected.value)
+
+
+def test_a_tiny_photograph(tmp_path: Path) -> None:
+    with pytest.raises(RejectedError, match="tiny: 160x120 px, shortest side under 160 px"):
+        decoded(write_photo(tmp_path / "a.jpg", size=(160, 120)), tmp_path)
+
+
+def test_a_decompression_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_photo(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
+    with pytest.raises(RejectedError, match="too large"):
+        decoded(path, tmp_path)
+
+
+def test_same_pixels_in_another_file_have_the_same_pixel_digest(tmp_path: Path) -> None:
+    png = decoded(write_photo(tmp_path / "a.png"), tmp_path)
+    tiff = decoded(write_photo(tmp_path / "a.tif"), tmp_path)
+    other = decoded(write_photo(tmp_path / "b.png", seed=1), tmp_path)
+    assert png.pixels_sha256 == tiff.pixels_sha256 != other.pixels_sha256
+    assert png.sha256 != tiff.sha256
+
+
+def test_blur_lowers_sharpness_and_size_does_not() -> None:
+    sharp = pixels(size=(1024, 768))
+    blurred = sharp.filter(ImageFilter.GaussianBlur(4))
+    smaller = sharp.resize((512, 384), Image.Resampling.LANCZOS)
+    assert measure_sharpness(np.asarray(blurred)) < 0.8 * measure_sharpness(np.asarray(sharp))
+    assert measure_sharpness(np.asarray(smaller)) == pytest.approx(measure_sharpness(np.asarray(sharp)), rel=0.05)
+
+
+def test_a_flat_picture_has_no_sharpness() -> None:
+    assert measure_sharpness(np.full((7, 11, 3), 90, np.uint8)) == 0
