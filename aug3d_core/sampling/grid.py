@@ -1,7 +1,8 @@
 """Domes over the cells of one grid.
 
-The cells' side is chosen so that about the wanted number of them can have a dome. Its radius is that at which the cell fills
-the view, but where cells are small it is that of the finest sampling that the photos justify, so that neighbours overlap.
+The cells' side is chosen so that about the wanted number of them can have a dome. Its radius is that at which the cell
+fills the view, but where cells are small it is that of the finest sampling that the photos justify; neighbours then
+overlap.
 """
 
 from __future__ import annotations

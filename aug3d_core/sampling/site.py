@@ -36,7 +36,7 @@ def lens_like(views: Views, size: Int[np.ndarray, " 2"]) -> Float[np.ndarray, " 
 
 
 def photo_sampling(views: Views, mesh: Mesh, size: Int[np.ndarray, " 2"]) -> float:
-    """Return the size of a median photo's pixel on the surface once it is reduced to views of this size (world units)."""
+    """Return the size on the surface (world units) of a median photo's pixel, once reduced to views of this size."""
     sample = mesh.xyz[:: max(1, len(mesh.xyz) // 10_000)].astype(float)
     in_cam = apply(views.cam_from_world, np.broadcast_to(sample, (len(views), *sample.shape)))
     return float(np.median(np.median(in_cam[..., 2], axis=1) / (views.intrinsics[:, 0] * _reduction(views, size))))

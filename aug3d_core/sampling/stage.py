@@ -26,9 +26,10 @@ FEW_DOMES = 0.5  # of those wanted: below this the outcome is degraded
 
 def run(inputs: Inputs, config: SamplingConfig, out: Path, progress: Progress) -> Outcome:
     """Plan domes over the mesh that was made of train photos."""
-    if config.min_elevation_deg > config.max_elevation_deg:
+    lowest, highest = config.min_elevation_deg, config.max_elevation_deg
+    if lowest > highest:
         raise InputError(
-            f"sampling.min_elevation_deg {config.min_elevation_deg} is above max_elevation_deg {config.max_elevation_deg}",
+            f"sampling.min_elevation_deg {lowest} is above sampling.max_elevation_deg {highest}",
             "set the lowest elevation below the highest",
         )
     progress(0, 2, "looking at the mesh from above")

@@ -1,7 +1,8 @@
 """Vertex colours: each vertex takes the blend of the few photographs that see it sharpest.
 
-A photo's score at a vertex is the number of its pixels per unit of surface there, f^2 cos(angle) / depth^2: near and head-on
-wins, and near its border a photo fades out. Blending only the best few keeps the sharpness that a mean over all loses to errors of pose and shape.
+A photo's score at a vertex is the number of its pixels per unit of surface there, f^2 cos(angle) / depth^2: near and
+head-on wins, and near its border a photo fades out. Blending only the best few keeps the sharpness that a mean over all
+loses to errors of pose and shape.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class SurfaceConfig(StageConfig):
         1.0,
         ge=0,
         le=10,
-        description="How far the ground goes on beyond the points where a photo looks, in sides of a photo's footprint.",
+        description="How far the ground goes on beyond the points, where a photo looks, in sides of its footprint.",
     )
     min_component_share: float = Field(
         0.01, ge=0, le=1, description="Share of all triangles below which a loose piece is dropped."

@@ -47,7 +47,7 @@ def gather(
 def _rays(
     points: Points, tracks: Tracks, views: Views, allowed: Bool[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"], Int[np.ndarray, " p"]]:
-    """Return per point: the mean unit direction to its cameras, the angle its rays span (degrees), the number of rays."""
+    """Return per point: mean unit direction to its cameras, angle that its rays span (degrees), number of rays."""
     use = allowed[tracks.view]
     point, view = tracks.point[use], tracks.view[use]
     ray = centres(views.cam_from_world)[view] - points.xyz[point]

@@ -15,8 +15,8 @@ def supported(
 ) -> Bool[np.ndarray, " v"]:
     """Tell which vertices have evidence: within `max_gap` of a point, and inside the points' closed footprint.
 
-    The footprint is the morphological closing of the points seen from above: it fills holes up to `max_gap` wide and adds
-    nothing around the outside, where Poisson's surface curls up and down.
+    The footprint is the morphological closing of the points seen from above: it fills holes up to `max_gap` wide and
+    adds nothing around the outside, where Poisson's surface curls up and down.
     """
     near = cKDTree(points).query(xyz, distance_upper_bound=max_gap)[0] <= max_gap
     return near & _inside(xyz[:, :2], points[:, :2], spacing, max_gap)

@@ -1,7 +1,7 @@
 """Rays against a triangle mesh: images of it, occlusion, distances.
 
-Cameras are COLMAP's (x right, y down, z forward) with pixel centres at half-integers; depth is along z, not along the ray.
-Everything is shifted to the mesh's own centre first, because Embree works in float32.
+Cameras are COLMAP's (x right, y down, z forward) with pixel centres at half-integers; depth is along z, not along the
+ray. Everything is shifted to the mesh's own centre first, because Embree works in float32.
 """
 
 from __future__ import annotations

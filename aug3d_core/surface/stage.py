@@ -1,8 +1,8 @@
 """The surface stage: the mesh that domes are rendered from, and the mesh that stands for geometry alone at test time.
 
-`mesh.ply` comes from train photos only, so that no pixel of a test photo can reach a rendered view. `baseline_mesh.ply` may use
-every photo but the targets, because at test time the support photos are given; its renders at the targets' poses are one
-of the cheap answers that the model is measured against.
+`mesh.ply` comes from train photos only, so that no pixel of a test photo can reach a rendered view. `baseline_mesh.ply`
+may use every photo but the targets, because at test time the support photos are given; its renders at the targets'
+poses are one of the cheap answers that the model is measured against.
 """
 
 from __future__ import annotations

@@ -1,0 +1,35 @@
+import re
+
+from PIL import Image
+
+from aug3d_core.charts.html import duration, number, picture, spaced, table, tag
+
+
+def test_text_is_escaped_where_it_must_be():
+    assert tag("a", "x", class_='"<') == '<a class="&quot;&lt;">x</a>'
+    assert spaced("<b>_c") == "&lt;b&gt; c"
+    assert number("<b>") == "&lt;b&gt;"
+
+
+def test_numbers_as_people_read_them():
+    cases = {None: "-", True: "yes", 1234567: "1,234,567", 0.123456: "0.1235", 123456.7: "123,457", 21.404: "21.4"}
+    assert [number(value) for value in cases] == list(cases.values())
+
+
+def test_durations_as_people_say_them():
+    seconds = (0.04, 99.94, 119.6, 3599.7, 7322.0)
+    assert [duration(s) for s in seconds] == ["0.0 s", "99.9 s", "2 min 00 s", "1 h 00 min", "2 h 02 min"]
+
+
+def test_tables_have_every_cell_and_mark_numbers():
+    made = table(("a", "b"), [("1", "2"), ("3", "4")], numeric=(1,))
+    assert re.findall(r"<td[^>]*>(\d)</td>", made) == ["1", "2", "3", "4"]
+    assert made.count('class="num"') == 3
+
+
+def test_pictures_travel_inside_the_page(tmp_path):
+    Image.new("RGB", (7, 11), (200, 30, 30)).save(tmp_path / "a.png")
+    Image.new("RGB", (7, 11), (200, 30, 30)).save(tmp_path / "b.jpg")
+    assert 'src="data:image/png;base64,' in picture(tmp_path / "a.png", "one")
+    assert 'src="data:image/jpeg;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
+    assert 'alt="say &quot;two&quot;"' in picture(tmp_path / "b.jpg", 'say "two"')
