@@ -6,11 +6,16 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
 # The shapes in the annotations are checked while testing; this must run before aug3d_core is imported.
 install_import_hook("aug3d_core.geometry", "beartype.beartype")
+
+# Repeatable, quick, and deaf to a busy machine.
+hypothesis.settings.register_profile("aug3d", deadline=None, derandomize=True, max_examples=30)
+hypothesis.settings.load_profile("aug3d")
 
 REAL_PHOTOS = Path(__file__).parents[2] / "shared" / "data"
 

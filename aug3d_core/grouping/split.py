@@ -70,7 +70,7 @@ def split_views(
         best = int(np.argmax([train.sum() for train in trains]))
         if trains[best].sum() >= min(least_train, count - size) or allowed >= 1:
             break
-        allowed = min(1.0, allowed + _RELAXED_BY)
+        allowed = min(1.0, round(allowed + _RELAXED_BY, 6))
     role = np.where(trains[best], Role.TRAIN, Role.GAP).astype("<U7")
     role[blocks[best]] = Role.SUPPORT
     role[_targets(blocks[best], photo_id)] = Role.TARGET

@@ -56,7 +56,7 @@ def align(
         fit, up_from = _fit_gps(centres(cam_from_model)[located], gps_enu_m[located], level, rng)
         residual_m = np.linalg.norm((fit.apply(centres(cam_from_model)) - gps_enu_m)[:, :2], axis=1)
         spread_m = float(np.sqrt(gps_enu_m[located, :2].var(axis=0).sum()))
-        if np.nanmedian(residual_m) <= _MOST_DISAGREEMENT * spread_m:
+        if np.nanmedian(residual_m) < _MOST_DISAGREEMENT * spread_m:
             return _metric(fit, up_from, residual_m, cam_from_model, points_in_model, gps_enu_m)
         problem = (
             f"the GPS positions contradict the photographs: median residual {np.nanmedian(residual_m):.1f} m where the "

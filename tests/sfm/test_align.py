@@ -1,0 +1,140 @@
+"""The world is found from GPS, wrong positions and wrong altitudes among it, or from the ground alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from aug3d_core.geometry.similarity import Similarity
+from aug3d_core.geometry.transforms import centres, look_at
+from aug3d_core.sfm.align import NOMINAL_HEIGHT, Alignment, align
+
+HEIGHT_M = 60.0
+
+
+class Flight:
+    """A flight over flat ground with houses, in the world and in the arbitrary frame of a reconstruction."""
+
+    def __init__(self, seed: int = 0, strips: int = 5, slope: float = 0.0) -> None:
+        self.rng = np.random.default_rng(seed)
+        east, north = np.meshgrid(np.arange(8) * 20.0 - 70, np.arange(strips) * 25.0 - 12.5 * (strips - 1))
+        at = np.stack([east.ravel(), north.ravel(), np.full(east.size, HEIGHT_M)], axis=1)
+        at += self.rng.normal(size=at.shape) * 2
+        aim = at * [1, 1, 0] + np.append(self.rng.uniform(-15, 15, size=(len(at), 2)), np.zeros((len(at), 1)), axis=1)
+        ground = np.append(self.rng.uniform(-100, 100, (1500, 2)), self.rng.normal(size=(1500, 1)) * 0.1, axis=1)
+        roofs = np.append(self.rng.uniform(-100, 100, (500, 2)), self.rng.uniform(4, 12, (500, 1)), axis=1)
+        self.points = np.concatenate([ground, roofs])
+        self.points[:, 2] += slope * self.points[:, 0]
+        self.cam_from_world = np.stack([look_at(a, b) for a, b in zip(at, aim, strict=True)])
+        turn = Rotation.random(random_state=seed).as_matrix()
+        self.model_from_world = Similarity(0.037, turn, self.rng.normal(size=3))
+
+    @property
+    def at(self) -> np.ndarray:
+        return centres(self.cam_from_world)
+
+    def align(self, gps_enu_m: np.ndarray) -> Alignment:
+        cameras = self.model_from_world.move_cameras(self.cam_from_world)
+        points = self.model_from_world.apply(self.points)
+        return align(cameras, points, 0.037 * HEIGHT_M, gps_enu_m, np.random.default_rng(0))
+
+    def found(self, alignment: Alignment) -> np.ndarray:
+        return alignment.world_from_model.apply(self.model_from_world.apply(self.at))
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 1000))
+def test_exact_gps_gives_the_exact_world(seed: int) -> None:
+    flight = Flight(seed)
+    alignment = flight.align(flight.at)
+    assert alignment.metric
+    assert alignment.up_from == "gps"
+    found = flight.found(alignment)
+    np.testing.assert_allclose(found[:, :2], flight.at[:, :2], atol=1e-5)
+    np.testing.assert_allclose(np.ptp(found[:, 2] - flight.at[:, 2]), 0, atol=1e-5)
+    assert alignment.up_offset_m == pytest.approx(flight.at[0, 2] - found[0, 2])
+    assert np.median(found[:, 2]) == pytest.approx(HEIGHT_M, abs=2)  # z = 0 is the ground
+
+
+def test_wild_positions_are_ignored() -> None:
+    flight = Flight(1)
+    gps = flight.at + flight.rng.normal(size=flight.at.shape) * 0.5
+    gps[::4] += [300, -500, 40]
+    alignment = flight.align(gps)
+    offset = flight.found(alignment)[:, :2] - flight.at[:, :2]
+    assert np.linalg.norm(offset, axis=1).max() < 1.5
+    assert np.nanmedian(alignment.residual_m) < 1.5
+
+
+def test_photographs_without_gps_do_not_matter() -> None:
+    flight = Flight(2)
+    gps = flight.at.copy()
+    gps[::3] = np.nan
+    alignment = flight.align(gps)
+    np.testing.assert_allclose(flight.found(alignment)[:, :2], flight.at[:, :2], atol=1e-5)
+    assert np.isnan(alignment.residual_m[::3]).all()
+
+
+def test_altitudes_of_noise_do_not_tilt_the_world() -> None:
+    flight = Flight(3)
+    gps = flight.at.copy()
+    gps[:, 2] = flight.rng.uniform(0, 80, len(gps))
+    alignment = flight.align(gps)
+    assert alignment.up_from == "gravity"
+    found = flight.found(alignment)
+    assert np.linalg.norm((found - flight.at)[:, :2], axis=1).max() < 2
+    assert np.std(found[:, 2] - flight.at[:, 2]) < 1
+
+
+def test_a_single_strip_takes_its_roll_from_the_ground() -> None:
+    flight = Flight(4, strips=1)
+    gps = flight.at + flight.rng.normal(size=flight.at.shape) * [0.5, 0.5, 1.0]
+    alignment = flight.align(gps)
+    assert alignment.up_from == "gravity"
+    up = alignment.world_from_model.rotation @ flight.model_from_world.rotation[:, 2]
+    assert np.degrees(np.arccos(up[2])) < 1
+
+
+def test_good_altitudes_keep_a_slope_a_slope() -> None:
+    flight = Flight(5, slope=0.2)
+    alignment = flight.align(flight.at + flight.rng.normal(size=flight.at.shape) * 0.3)
+    assert alignment.up_from == "gps"
+    up = alignment.world_from_model.rotation @ flight.model_from_world.rotation[:, 2]
+    assert np.degrees(np.arccos(up[2])) < 0.5
+
+
+def test_without_gps_z_is_up_and_the_scale_nominal() -> None:
+    flight = Flight(6)
+    alignment = flight.align(np.full((len(flight.at), 3), np.nan))
+    assert not alignment.metric
+    assert alignment.problem == ""
+    up = alignment.world_from_model.rotation @ flight.model_from_world.rotation[:, 2]
+    assert np.degrees(np.arccos(up[2])) < 1
+    assert np.median(flight.found(alignment)[:, 2]) == pytest.approx(NOMINAL_HEIGHT, rel=1e-6)
+    assert np.isnan(alignment.residual_m).all()
+
+
+def test_gps_of_another_flight_is_reported_and_not_used() -> None:
+    flight = Flight(7)
+    alignment = flight.align(flight.rng.permutation(flight.at))
+    assert not alignment.metric
+    assert "contradict the photographs" in alignment.problem
+
+
+def test_gps_that_stands_still_is_reported_and_not_used() -> None:
+    flight = Flight(8)
+    alignment = flight.align(np.tile([5.0, 5.0, 50.0], (len(flight.at), 1)))
+    assert not alignment.metric
+    assert alignment.problem
+
+
+def test_two_positions_are_too_few() -> None:
+    flight = Flight(9)
+    gps = np.full((len(flight.at), 3), np.nan)
+    gps[:2] = flight.at[:2]
+    alignment = flight.align(gps)
+    assert not alignment.metric
+    assert "only 2 of the placed photographs have GPS" in alignment.problem
