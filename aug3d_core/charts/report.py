@@ -102,12 +102,12 @@ def _stages(records: Made, metrics: Mapping[str, Any]) -> str:
         state = tag("span", escape(record.state), class_=record.state)
         cached = "cached" if cost["cached"] else "computed"
         rows.append((
-            escape(stage.name), duration(cost["seconds"]), share, f"{cost['peak_mib']:,.0f}",
-            f"{record.size_bytes / 2**20:,.1f}", accuracy, cached, state,
+            escape(stage.name), duration(cost["seconds"]), share, accuracy, state, cached, f"{cost['peak_mib']:,.0f}",
+            f"{record.size_bytes / 2**20:,.1f}",
         ))  # fmt: skip
         notes += [tag("div", f"{tag('b', escape(stage.name))} {escape(note)}", class_="note") for note in record.notes]
-    heads = ("stage", "time", "", "peak MiB", "MiB on disk", "how well", "this run", "state")
-    return tag("h2", "Stages") + table(heads, rows, numeric=(1, 3, 4)) + "".join(notes)
+    heads = ("stage", "time", "", "how well", "state", "this run", "peak MiB", "MiB on disk")
+    return tag("h2", "Stages") + table(heads, rows, numeric=(1, 6, 7)) + "".join(notes)
 
 
 def _curves(records: Made) -> str:

@@ -55,6 +55,6 @@ pre,code{font:.82rem/1.45 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace}
 pre{overflow-x:auto;background:var(--soft);padding:12px;border-radius:8px}
 td code{overflow-wrap:anywhere}
 @media(max-width:700px){main{padding:18px 12px 40px}.hero{grid-template-columns:1fr;gap:14px}.card{padding:14px}
-h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}.wide svg text{font-size:17px}}
+h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}.wide svg text{font-size:16px}}
 @media print{body{background:#fff}.card,.scroll,figure{break-inside:avoid}}
 """

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-BAR_PX, LABEL_PX, VALUE_PX, WIDTH_PX = 30, 172, 96, 620
+BAR_PX, LABEL_PX, VALUE_PX, WIDTH_PX = 30, 176, 96, 624
 CURVE_WIDTH, CURVE_HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 420, 220, 46, 26, 10, 12
 
 

@@ -10,39 +10,53 @@ from aug3d_core.stage import StageConfig
 class SamplingConfig(StageConfig):
     """How many virtual cameras there are and where they may stand."""
 
-    width_px: int = Field(96, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
-    height_px: int = Field(72, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
-    domes: int = Field(16, ge=1, le=100_000, description="Domes wanted; the grid's cells are sized for it.")
+    width_px: int = Field(default=96, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
+    height_px: int = Field(default=72, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
+    domes: int = Field(default=16, ge=1, le=100_000, description="Domes wanted; the grid's cells are sized for it.")
     views_per_dome: int | None = Field(
-        None, ge=2, le=1000, description="Views on each dome; empty: as many as a training group has members (K)."
+        default=None,
+        ge=2,
+        le=1000,
+        description="Views on each dome; empty: as many as a training group has members (K).",
     )
     min_elevation_deg: float = Field(
-        50.0, ge=5, le=90, description="Lowest camera, in degrees above the horizon seen from the dome's centre."
+        default=50.0,
+        ge=5,
+        le=90,
+        description="Lowest camera, in degrees above the horizon seen from the dome's centre.",
     )
     max_elevation_deg: float = Field(
-        88.0, ge=5, le=90, description="Highest camera, in degrees above the horizon seen from the dome's centre."
+        default=88.0,
+        ge=5,
+        le=90,
+        description="Highest camera, in degrees above the horizon seen from the dome's centre.",
     )
     azimuth_range_deg: float = Field(
-        120.0, gt=0, le=360, description="Width (degrees) of the sector of each dome that cameras stand in."
+        default=120.0, gt=0, le=360, description="Width (degrees) of the sector of each dome that cameras stand in."
     )
     radius_spread: float = Field(
-        0.25, ge=0, le=2, description="Radii reach from that at which the cell fills the view to this share more."
+        default=0.25,
+        ge=0,
+        le=2,
+        description="Radii reach from that at which the cell fills the view to this share more.",
     )
     min_sampling_ratio: float = Field(
-        0.7,
+        default=0.7,
         gt=0,
         le=10,
         description="Finest ground sampling of a view, as a multiple of the photos' at this view size.",
     )
     min_cell_covered: float = Field(
-        0.9, gt=0, le=1, description="Share of the ground that a dome looks at which must have surface."
+        default=0.9, gt=0, le=1, description="Share of the ground that a dome looks at which must have surface."
     )
-    min_view_covered: float = Field(0.92, ge=0, le=1, description="Share of a view that must show surface.")
+    min_view_covered: float = Field(default=0.92, ge=0, le=1, description="Share of a view that must show surface.")
     min_clearance: float = Field(
-        0.4, ge=0, lt=1, description="Distance that a camera keeps from any surface, as a share of its radius."
+        default=0.4, ge=0, lt=1, description="Distance that a camera keeps from any surface, as a share of its radius."
     )
-    tries: int = Field(20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up.")
-    seed: int = Field(0, ge=0, description="Seed of the random placement.")
+    tries: int = Field(
+        default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up."
+    )
+    seed: int = Field(default=0, ge=0, description="Seed of the random placement.")
 
 
 PRESETS: dict[str, SamplingConfig] = {

@@ -13,8 +13,9 @@ def directions(
 ) -> Float[np.ndarray, "n 3"]:
     """Draw unit vectors from a centre to cameras, uniform by area; azimuth is counted from +x towards +y."""
     # Equal steps of the sine of elevation are equal areas of the sphere (Archimedes)
-    sine = rng.uniform(*np.sin(np.radians(elevation_deg)), count)
-    azimuth = np.radians(rng.uniform(*azimuth_deg, count))
+    lowest, highest = np.sin(np.radians(elevation_deg))
+    sine = rng.uniform(lowest, highest, count)
+    azimuth = np.radians(rng.uniform(azimuth_deg[0], azimuth_deg[1], count))
     cosine = np.sqrt(1 - sine**2)
     return np.stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), sine], axis=1)
 

@@ -73,18 +73,20 @@ def _place(
     """Put a dome on a cell; no cameras if it has to be passed over."""
     nearest = looked_at(site, side) * site.focal_px / float(site.size.max())
     covered = float(_covered(site, centre[None], side)[0])
-    none = np.zeros((0, 3, 4))
+    seen = f"surface under {100 * covered:.0f} % of the view"
+
+    def dome(height: float, views: int, why: str) -> Dome:
+        return Dome(float(centre[0]), float(centre[1]), height, nearest, side, views, why)
+
     if covered < config.min_cell_covered:
-        why = f"passed over: surface under {100 * covered:.0f} % of the view"
-        return Dome(*centre.tolist(), float("nan"), nearest, side, 0, why), none
-    aim = np.append(centre, _height(site.ground, centre, side))
-    wanted = site.views_per_dome
-    cameras, radius = _draw(aim, nearest, wanted * config.tries, config, rng)
+        return dome(float("nan"), 0, f"passed over: {seen}"), np.zeros((0, 3, 4))
+    height, wanted = _height(site.ground, centre, side), site.views_per_dome
+    cameras, radius = _draw(np.append(centre, height), nearest, wanted * config.tries, config, rng)
     cameras = cameras[usable(surface, cameras, radius, site, config)][:wanted]
     if len(cameras) < wanted:
         why = f"passed over: only {len(cameras)} of {len(radius)} cameras tried are free and see enough surface"
-        return Dome(*aim.tolist(), nearest, side, 0, why), none
-    return Dome(*aim.tolist(), nearest, side, wanted, f"surface under {100 * covered:.0f} % of the view"), cameras
+        return dome(height, 0, why), np.zeros((0, 3, 4))
+    return dome(height, wanted, seen), cameras
 
 
 def _height(ground: Ground, centre: np.ndarray, side: float) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aug3d_core.geometry.transforms import apply
 from aug3d_core.geometry.views import Views
@@ -35,7 +35,7 @@ def continue_ground(evidence: Evidence, views: Views, reach: float) -> Evidence:
     step = max(evidence.spacing, footprint(evidence, views) / STEPS_PER_FOOTPRINT)
     low, high = xyz[:, :2].min(axis=0) - reach, xyz[:, :2].max(axis=0) + reach
     xy = np.stack(np.meshgrid(*(np.arange(a, b, step) for a, b in zip(low, high, strict=True))), -1).reshape(-1, 2)
-    distance, index = cKDTree(xyz[:, :2]).query(xy, NEAREST)
+    distance, index = map(np.asarray, KDTree(xyz[:, :2]).query(xy, NEAREST))
     wanted = (distance[:, 0] > max(OWN_GROUND * evidence.spacing, step)) & (distance[:, 0] <= reach)
     xy, distance, index = xy[wanted], distance[wanted], index[wanted]
     plane = robust_plane(xyz)
@@ -68,7 +68,7 @@ def height_on(plane: Float[np.ndarray, " 3"], xy: Float[np.ndarray, "p 2"]) -> F
 
 def guessed(xyz: Float[np.ndarray, "v 3"], evidence: Evidence) -> Bool[np.ndarray, " v"]:
     """Tell which places no point of the photos speaks for."""
-    return cKDTree(evidence.xyz).query(xyz)[0] > 2 * OWN_GROUND * evidence.spacing
+    return KDTree(evidence.xyz).query(xyz)[0] > 2 * OWN_GROUND * evidence.spacing
 
 
 def _seen(xyz: np.ndarray, views: Views) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -38,7 +38,7 @@ def gather(
     xyz, towards = xyz[inlier], towards[inlier]
     if len(xyz) < MIN_POINTS:
         return None
-    distance, index = cKDTree(xyz).query(xyz, config.neighbours + 1)
+    distance, index = map(np.asarray, KDTree(xyz).query(xyz, config.neighbours + 1))
     normals = _normals(xyz, index)
     normals *= np.where(np.einsum("pi,pi->p", normals, towards) < 0, -1.0, 1.0)[:, None]
     return Evidence(xyz, normals, float(np.median(distance[:, 1:5])))
@@ -62,7 +62,7 @@ def _rays(
 
 def _inliers(xyz: Float[np.ndarray, "p 3"], neighbours: int, sigma: float) -> Bool[np.ndarray, " p"]:
     """Tell which points are not unusually far from their neighbours (log distances, as density varies much)."""
-    distance = cKDTree(xyz).query(xyz, min(neighbours, len(xyz) - 1) + 1)[0][:, 1:].mean(axis=1)
+    distance = KDTree(xyz).query(xyz, min(neighbours, len(xyz) - 1) + 1)[0][:, 1:].mean(axis=1)
     score = np.log(np.maximum(distance, 1e-12))
     return score <= score.mean() + sigma * score.std()
 

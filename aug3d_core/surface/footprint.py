@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 MAX_CELLS_PER_SIDE = 2048
 
@@ -18,7 +18,7 @@ def supported(
     The footprint is the morphological closing of the points seen from above: it fills holes up to `max_gap` wide and
     adds nothing around the outside, where Poisson's surface curls up and down.
     """
-    near = cKDTree(points).query(xyz, distance_upper_bound=max_gap)[0] <= max_gap
+    near = KDTree(points).query(xyz, distance_upper_bound=max_gap)[0] <= max_gap
     return near & _inside(xyz[:, :2], points[:, :2], spacing, max_gap)
 
 
@@ -29,8 +29,10 @@ def _inside(xy: np.ndarray, points_xy: np.ndarray, spacing: float, max_gap: floa
     empty = np.ones(shape, bool)
     empty[tuple(((points_xy - low) / cell).astype(int).T)] = False
     radius = max_gap / 2 / cell
-    grown = distance_transform_edt(empty) <= radius
-    closed = distance_transform_edt(grown) > radius - 1.0  # a margin of a cell, so that the rim keeps its own points
+    grown = np.asarray(distance_transform_edt(empty)) <= radius
+    closed = (
+        np.asarray(distance_transform_edt(grown)) > radius - 1.0
+    )  # a margin of a cell, so that the rim keeps its own points
     index = np.floor((xy - low) / cell).astype(int)
     valid = ((index >= 0) & (index < shape)).all(axis=1)
     index = index.clip(0, shape - 1)

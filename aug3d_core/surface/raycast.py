@@ -42,8 +42,8 @@ class Raycaster:
         self._triangles = triangles
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
-            o3d.core.Tensor(np.ascontiguousarray(xyz - self._origin, dtype=np.float32)),
-            o3d.core.Tensor(np.ascontiguousarray(triangles, dtype=np.uint32)),
+            _tensor((xyz - self._origin).astype(np.float32)),
+            _tensor(triangles.astype(np.uint32)),
         )
 
     def cast(self, origins: Float[np.ndarray, "*#r 3"], directions: Float[np.ndarray, "*#r 3"]) -> Hits:
@@ -64,7 +64,7 @@ class Raycaster:
 
     def distance(self, points: Float[np.ndarray, "*p 3"]) -> Float[np.ndarray, " *p"]:
         """Return the distance of points to the surface, without a sign."""
-        return self._scene.compute_distance(o3d.core.Tensor((points - self._origin).astype(np.float32))).numpy()
+        return self._scene.compute_distance(_tensor((points - self._origin).astype(np.float32))).numpy()
 
     def view(
         self,
@@ -93,7 +93,7 @@ class Raycaster:
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray) -> o3d.core.Tensor:
         origins, directions = np.broadcast_arrays(origins - self._origin, directions)
-        return o3d.core.Tensor(np.concatenate([origins, directions], axis=-1).astype(np.float32))
+        return _tensor(np.concatenate([origins, directions], axis=-1).astype(np.float32))
 
 
 def pixel_rays(
@@ -105,3 +105,7 @@ def pixel_rays(
     y = (np.arange(size[1]) + 0.5 - intrinsics[3]) / intrinsics[1]
     directions = np.stack([*np.meshgrid(x, y), np.ones((size[1], size[0]))], axis=-1)
     return world_from_cam[:, 3], directions @ world_from_cam[:, :3].T
+
+
+def _tensor(array: np.ndarray) -> o3d.core.Tensor:
+    return o3d.core.Tensor(np.ascontiguousarray(array))  # pyright: ignore[reportCallIssue]  (its stub knows no arrays)

@@ -149,8 +149,9 @@ def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, tmp_path):
     truth = hills()
     caster = Raycaster(truth.xyz, truth.triangles)
     for name in (layout.MESH, layout.BASELINE_MESH):
-        mesh = Mesh.load(tmp_path / name)
-        assert np.percentile(caster.distance(mesh.xyz.astype(float)), 95) < 0.3  # under a pixel of the photos
+        xyz = Mesh.load(tmp_path / name).xyz.astype(float)
+        seen_twice = (np.abs(xyz[:, :2]) < 25).all(axis=1)  # around it the ground only goes on
+        assert np.percentile(caster.distance(xyz[seen_twice]), 95) < 0.3  # under a pixel of the photos
     assert outcome.metrics["render_psnr"] > 28
     assert outcome.metrics["target_render_psnr"] > 26
     assert outcome.metrics["covered_share"] > 0.9
