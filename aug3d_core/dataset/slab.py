@@ -50,7 +50,7 @@ class Slab:
         inside = (self.height(origins) > self.low) & (self.height(origins) < self.high)
         start = np.clip(np.where(inside, 0.0, np.minimum(top, bottom)), near, far)
         end = np.clip(np.where(inside, np.minimum(top, bottom), np.maximum(top, bottom)), near, far)
-        missed = end - start < 1e-3 * (far - near)
+        missed = end <= start
         return np.where(missed, near, start), np.where(missed, far, end)
 
     def as_dict(self) -> dict[str, float]:

@@ -22,6 +22,9 @@ from torch.nn import functional as F
 from aug3d_core.nerf.config import TrainingConfig
 
 EXTRAS = 2  # per view and point: cosine between the two views' rays, height of the point in the slab
+COMPARED = 16  # values of each view whose spread is looked at, beside its colour
+VOTERS = 16  # hidden units that weigh an input view's colour
+NEARER = 20.0  # what an input view loses at first per unit of cosine: views along the ray are the best witnesses
 SOFT = 0.02  # input colours are kept this far from 0 and 1 before the logit
 
 
@@ -65,19 +68,23 @@ class Field(nn.Module):
         self.features = nn.Conv2d(channels, width * config.blocks_per_view, 1)
         self.enter = nn.Linear(3 * (1 + 2 * config.frequencies) + 3 + 3 + EXTRAS, width)
         self.per_view = nn.ModuleList(Block(width) for _ in range(config.blocks_per_view))
-        self.spread = nn.Linear(width + 3, width) if config.pool_variance else None
+        self.compare = nn.Linear(width, COMPARED) if config.pool_variance else None
+        self.spread = nn.Linear(COMPARED + 3, width) if config.pool_variance else None
         self.pooled = nn.ModuleList(Block(width) for _ in range(config.blocks_pooled))
         self.leave = nn.Linear(width, 4)
-        self.vote = nn.Linear(2 * width, 1) if config.blend_inputs else None
+        if config.blend_inputs:
+            self.vote_each, self.vote_all = nn.Linear(width, VOTERS), nn.Linear(width, VOTERS, bias=False)
+            self.vote = nn.Linear(VOTERS, 1, bias=False)
         self._start()
 
     def _start(self) -> None:
         """Start thin, so that light reaches the end of the ray, and with the blend alone."""
         nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)
-        for layer in (self.spread, self.vote):
-            if layer is not None:
-                nn.init.zeros_(layer.weight)
+        if self.spread is not None:
+            nn.init.zeros_(self.spread.weight)
+        if self.config.blend_inputs:
+            nn.init.zeros_(self.vote.weight)
 
     def project(self, maps: Float[Tensor, "n c h w"]) -> Float[Tensor, "n b*h h w"]:
         """Apply every block's feature layer to whole maps."""
@@ -90,8 +97,8 @@ class Field(nn.Module):
         weight = weight / weight.sum(dim=1, keepdim=True).clamp(min=1)
         mean = (weight[..., None] * each).sum(dim=1)
         x = mean
-        if self.spread is not None:
-            x = x + self.spread(_variance(torch.cat([each, seen.colour], dim=-1), weight))
+        if self.spread is not None and self.compare is not None:
+            x = x + self.spread(_variance(torch.cat([self.compare(each), seen.colour], dim=-1), weight))
         for block in self.pooled:
             x = block(x)
         x = F.relu(x)
@@ -110,13 +117,12 @@ class Field(nn.Module):
     def _colour(
         self, residual: Float[Tensor, "g p 3"], x: Float[Tensor, "g p h"], each: Tensor, seen: Seen
     ) -> Float[Tensor, "g p 3"]:
-        if self.vote is None:
+        if not self.config.blend_inputs:
             return torch.sigmoid(residual)
-        beside = torch.cat([each, x[:, None].expand_as(each)], dim=-1)
-        score = self.vote(beside)[..., 0] + 20 * (seen.cosine - 1)
-        score = score.masked_fill(~seen.visible, -math.inf)
+        voters = F.relu(self.vote_each(each) + self.vote_all(x)[:, None])
+        score = self.vote(voters)[..., 0] + NEARER * (seen.cosine - 1)
         unseen = ~seen.visible.any(dim=1)
-        share = torch.softmax(score.masked_fill(unseen[:, None], 0.0), dim=1)
+        share = torch.softmax(score.masked_fill(~seen.visible, -math.inf).masked_fill(unseen[:, None], 0.0), dim=1)
         blend = (share[..., None] * seen.colour).sum(dim=1)
         blend = torch.where(unseen[..., None], seen.fallback[:, None], blend)
         return torch.sigmoid(torch.logit(blend.clamp(SOFT, 1 - SOFT)) + residual)

@@ -1,6 +1,6 @@
 """A toy scene with exact images, depths and poses: boxes on textured ground, ray-cast in numpy in a second.
 
-It is a packed data set at once, so that the data set and the model can be tested and timed without any other stage.
+It is a packed data set at once, so that the data set and the model can be tested without any other stage.
 Colour is a function of the point in the world alone, so every view agrees with every other.
 """
 

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aug3d_core.dataset.images import fit
+from aug3d_core.geometry.transforms import project
+
+SIZES = st.integers(min_value=8, max_value=400)
+
+
+def test_an_image_of_the_packed_size_stays_as_it_is():
+    rgb = np.random.default_rng(0).integers(0, 256, (7, 11, 3), dtype=np.uint8)
+    same = fit(11, 7, 11, 7)
+    assert np.array_equal(same.colour(rgb), rgb)
+    assert np.array_equal(same.intrinsics(np.array([9.0, 8.0, 5.1, 3.2])), [9.0, 8.0, 5.1, 3.2])
+
+
+def test_shrinking_averages_every_source_pixel_once():
+    rgb = np.random.default_rng(1).integers(0, 256, (12, 20, 3), dtype=np.uint8)
+    blocks = rgb.reshape(3, 4, 5, 4, 3).mean(axis=(1, 3))
+    assert np.array_equal(fit(20, 12, 5, 3).colour(rgb), np.rint(blocks).astype(np.uint8))
+
+
+@given(width=SIZES, height=SIZES)
+def test_the_crop_is_the_largest_of_the_aspect_and_centred(width, height):
+    left, top, right, bottom = fit(width, height, 8, 6).crop
+    assert (right - left) / (bottom - top) == pytest.approx(8 / 6)
+    assert min(left, top) == pytest.approx(0)
+    assert (left + right, top + bottom) == pytest.approx((width, height))
+
+
+@given(width=SIZES, height=SIZES)
+def test_a_point_keeps_its_place_in_the_picture(width, height):
+    crop = fit(width, height, 8, 6)
+    source = np.array([300.0, 310.0, width * 0.45, height * 0.55])
+    point = np.array([0.1, -0.2, 1.5])
+    left, top, right, bottom = crop.crop
+    share = (project(point, source) - [left, top]) / [right - left, bottom - top]
+    assert project(point, crop.intrinsics(source)) == pytest.approx(share * [8, 6])
+
+
+def test_holes_do_not_colour_what_is_covered():
+    rgb = np.zeros((4, 4, 3), np.uint8)
+    alpha, depth = np.zeros((4, 4), np.uint8), np.zeros((4, 4), np.float32)
+    rgb[:, :2], alpha[:, :2], depth[:, :2] = 200, 255, 5.0
+    rgb[:, 2:] = 13  # what lies under alpha 0 means nothing
+    colour, cover, shrunk_depth = fit(4, 4, 1, 1).covered(rgb, alpha, depth)
+    assert colour.tolist() == [[[200, 200, 200]]]
+    assert cover.tolist() == [[128]]
+    assert shrunk_depth == pytest.approx(5.0)
