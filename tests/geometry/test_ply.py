@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from aug3d_core.geometry.ply import Mesh
 
 

@@ -1,4 +1,5 @@
 import numpy as np
+
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.surface.continuation import continue_ground, footprint, guessed, height_on, robust_plane

@@ -1,0 +1,57 @@
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aug3d_core.geometry.transforms import look_at
+from aug3d_core.geometry.views import Views
+from aug3d_core.store.layout import image_name
+from aug3d_core.surface.colour import paint
+from aug3d_core.surface.shape import Shape, split_to
+
+RED, BLUE = (250, 10, 10), (10, 10, 250)
+
+
+def square(half: float, height: float) -> Shape:
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]]) * half
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return split_to(Shape(np.column_stack([corners, np.full(4, height)]), triangles), 0.5, 10_000)
+
+
+def photos(folder: Path, heights: tuple[float, ...], colours: tuple[tuple[int, int, int], ...]) -> Views:
+    """Photos of one colour each, from straight above at these heights, each wide enough to see all."""
+    for i, colour in enumerate(colours):
+        Image.new("RGB", (81, 61), colour).save(folder / image_name(i))
+    poses = np.stack([look_at(np.array([0.0, 0.0, h]), np.zeros(3)) for h in heights])
+    n = len(heights)
+    return Views(np.arange(n), poses, np.tile([20.0, 20.0, 40.5, 30.5], (n, 1)), np.tile([81, 61], (n, 1)))
+
+
+def painted(shape: Shape, views: Views, folder: Path, best: int = 1):
+    return paint(shape, 0.5, views, np.arange(len(views)), folder, best, lambda: None)
+
+
+def test_the_photo_that_sees_sharpest_wins_in_any_order(tmp_path):
+    for heights, colours in (((20.0, 10.0), (RED, BLUE)), ((10.0, 20.0), (BLUE, RED))):
+        views = photos(tmp_path, heights, colours)
+        assert (painted(square(2, 0.0), views, tmp_path).rgb == BLUE).all()
+        blended = painted(square(2, 0.0), views, tmp_path, best=2).rgb
+        assert (blended[:, 2] > 230).all()  # a quarter of the score, to the fourth power, hardly counts
+
+
+def test_ground_under_a_roof_takes_no_colour_from_the_roof(tmp_path):
+    low, roof = square(6, 0.0), square(2, 5.0)
+    both = Shape(np.concatenate([low.xyz, roof.xyz]), np.concatenate([low.triangles, roof.triangles + len(low.xyz)]))
+    colours = painted(both, photos(tmp_path, (12.0,), (RED,)), tmp_path)
+    middle = np.abs(both.xyz[:, :2]).max(axis=1) < 0.3
+    on_roof = both.xyz[:, 2] > 1
+    assert colours.known[on_roof].all()
+    assert not colours.known[middle & ~on_roof].any()  # too far from daylight for colour to creep in
+    assert colours.known[np.abs(both.xyz[:, :2]).max(axis=1) > 5].all()
+
+
+def test_what_faces_away_or_lies_outside_is_unknown(tmp_path):
+    sheet = square(2, 0.0)
+    views = photos(tmp_path, (12.0,), (RED,))
+    assert not painted(Shape(sheet.xyz, sheet.triangles[:, ::-1]), views, tmp_path).known.any()
+    assert not painted(Shape(sheet.xyz + (500, 0, 0), sheet.triangles), views, tmp_path).known.any()
