@@ -67,7 +67,9 @@ def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: SfmConfig, prog
         progress(start + len(chunk), len(pairs), "pairs of photographs compared")
     opened = pycolmap.Database.open(database)
     try:
-        return opened.num_verified_image_pairs()
+        # Not num_verified_image_pairs(): it counts the pairs that failed too.
+        _, inliers = opened.read_two_view_geometry_num_inliers()
+        return int(np.count_nonzero(inliers))
     finally:
         opened.close()
 

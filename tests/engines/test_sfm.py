@@ -1,0 +1,192 @@
+"""The sfm stage on photographs whose truth is known, in a process of its own as the factory runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
+from PIL import Image
+
+from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.similarity import fit_similarity
+from aug3d_core.geometry.transforms import apply, centres, project
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.stage import run as take_in
+
+pytestmark = pytest.mark.slow
+
+
+def take_photos(folder: Path, out: Path) -> Path:
+    out.mkdir(parents=True)
+    take_in({"folder": folder}, PhotosConfig(), out, lambda done, total, what: None)
+    return out
+
+
+def run_sfm(photos: Path, folder: Path, cpus: set[int] | None = None, **config: int) -> dict[str, Any]:
+    """Run the stage; return its outcome, or its error."""
+    folder.mkdir(parents=True)
+    job = {"stage": "sfm", "config": config, "inputs": {"photos": str(photos)}}
+    (folder / "job.json").write_text(json.dumps(job))
+    subprocess.run(
+        [sys.executable, "-m", "aug3d_core.sfm", str(folder / "job.json")],
+        check=False,
+        preexec_fn=None if cpus is None else lambda: os.sched_setaffinity(0, cpus),
+        timeout=300,
+    )
+    result = folder / "outcome.json" if (folder / "outcome.json").exists() else folder / "error.json"
+    return json.loads(result.read_text())
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Return a finished stage's folder over 12 photographs with good GPS, and its outcome."""
+    folder = tmp_path_factory.mktemp("flown")
+    photos = take_photos(write_flight(folder / "in", poses(), noise_m=0.2), folder / "photos")
+    return folder, run_sfm(photos, folder / "sfm")
+
+
+def loaded(folder: Path) -> tuple[Views, Points, Tracks]:
+    files = folder / "files"
+    return Views.load(files / "views.npz"), Points.load(files / "points.npz"), Tracks.load(files / "tracks.npz")
+
+
+def true_poses(world: dict[str, Any]) -> np.ndarray:
+    """Return the true cameras about the origin that the stage chose."""
+    origin = np.array([world["origin"][key] for key in ("lat_deg", "lon_deg", "alt_m")])
+    moved = enu_from_geodetic(ORIGIN[None], origin)[0]
+    cameras = poses()
+    cameras[:, :, 3] -= cameras[:, :, :3] @ moved
+    return cameras
+
+
+def test_every_camera_is_where_and_how_it_was(flown: tuple[Path, dict[str, Any]]) -> None:
+    folder, outcome = flown
+    views, _, _ = loaded(folder / "sfm")
+    world = json.loads((folder / "sfm" / "files" / "world.json").read_text())
+    truth = true_poses(world)
+    assert world["metric"] is True
+    assert outcome["state"] == "ok"
+    np.testing.assert_array_equal(views.photo_id, np.arange(12))
+    off_m = np.linalg.norm(centres(views.cam_from_world) - centres(truth), axis=1)
+    assert off_m.max() < 0.6  # GPS noise is 0.2 m
+    turned = views.cam_from_world[:, :, :3] @ truth[:, :, :3].transpose(0, 2, 1)
+    angle_deg = np.degrees(np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1) / 2, -1, 1)))
+    assert angle_deg.max() < 1.0
+
+
+def test_the_shape_is_right_to_a_tenth_of_a_percent_of_the_height(flown: tuple[Path, dict[str, Any]]) -> None:
+    views, _, _ = loaded(flown[0] / "sfm")
+    fit = fit_similarity(centres(views.cam_from_world), centres(poses()))
+    off_m = np.linalg.norm(fit.apply(centres(views.cam_from_world)) - centres(poses()), axis=1)
+    assert np.median(off_m) < 0.05
+    assert fit.scale == pytest.approx(1, abs=0.02)
+
+
+def test_the_ground_is_zero(flown: tuple[Path, dict[str, Any]]) -> None:
+    _, points, _ = loaded(flown[0] / "sfm")
+    ground = points.xyz[np.abs(points.xyz[:, 2]) < 1]
+    assert len(ground) > 0.4 * len(points.xyz)
+    assert abs(np.median(ground[:, 2])) < 0.3
+
+
+def test_observations_are_projections_in_our_conventions(flown: tuple[Path, dict[str, Any]]) -> None:
+    views, points, tracks = loaded(flown[0] / "sfm")
+    error_px = []
+    for i in range(len(views)):
+        seen = tracks.view == i
+        in_cam = apply(views.cam_from_world[i], points.xyz[tracks.point[seen]])
+        assert (in_cam[:, 2] > 0).all()
+        error_px.append(np.linalg.norm(project(in_cam, views.intrinsics[i]) - tracks.xy[seen], axis=1))
+    assert np.concatenate(error_px).mean() < 0.6
+    assert np.abs(np.concatenate(error_px).mean() - points.error_px.mean()) < 0.3
+    assert np.bincount(tracks.point).min() >= 2
+
+
+def test_undistorted_images_have_the_size_of_their_views(flown: tuple[Path, dict[str, Any]]) -> None:
+    views, _, _ = loaded(flown[0] / "sfm")
+    for photo_id, size in zip(views.photo_id, views.size, strict=True):
+        with Image.open(flown[0] / "sfm" / "files" / "images" / f"{photo_id:06d}.png") as image:
+            assert image.size == tuple(size)
+    np.testing.assert_allclose(views.intrinsics[:, :2], FOCAL_PX, rtol=0.02)
+
+
+def test_metrics_and_files_are_complete(flown: tuple[Path, dict[str, Any]]) -> None:
+    folder, outcome = flown
+    metrics = outcome["metrics"]
+    assert (metrics["photos"], metrics["registered"], metrics["registered_share"]) == (12, 12, 1.0)
+    assert metrics["pairs_tried"] == 66
+    assert metrics["reprojection_px"] < 0.6
+    assert metrics["gps_residual_m_median"] < 0.5
+    assert metrics["components"] == 1
+    assert {path.name for path in (folder / "sfm" / "files" / "model").iterdir()} >= {"cameras.bin", "images.bin"}
+    assert not list((folder / "sfm" / "files").glob("tmp*"))
+    for picture in outcome["pictures"].values():
+        assert (folder / "sfm" / "files" / picture).exists()
+
+
+def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    run_sfm(flown[0] / "photos", tmp_path / "one", cpus={min(os.sched_getaffinity(0))})
+    first, second = flown[0] / "sfm" / "files", tmp_path / "one" / "files"
+    files = sorted(path.relative_to(first) for path in first.rglob("*.*"))
+    assert files == sorted(path.relative_to(second) for path in second.rglob("*.*"))
+    for file in files:
+        assert (first / file).read_bytes() == (second / file).read_bytes(), file
+
+
+def test_without_gps_the_world_is_level_scene_units(tmp_path: Path) -> None:
+    photos = take_photos(write_flight(tmp_path / "in", poses(), gps=False), tmp_path / "photos")
+    outcome = run_sfm(photos, tmp_path / "sfm")
+    world = json.loads((tmp_path / "sfm" / "files" / "world.json").read_text())
+    assert world == {
+        "metric": False,
+        "unit": "scene unit",
+        "up_from": "gravity",
+        "origin": None,
+        "gps_residual_m_median": None,
+    }
+    assert "no GPS" in outcome["notes"][0]
+    views, _, _ = loaded(tmp_path / "sfm")
+    fit = fit_similarity(centres(views.cam_from_world), centres(poses()))
+    assert np.degrees(np.arccos(fit.rotation[2, 2])) < 2.0
+    assert np.median(centres(views.cam_from_world)[:, 2]) == pytest.approx(50, abs=0.5)
+
+
+def test_the_larger_of_two_scenes_is_taken_and_the_other_kept(tmp_path: Path) -> None:
+    write_flight(tmp_path / "in", poses(3, 2), gps=False, seed=1)
+    write_flight(tmp_path / "in", poses(4, 2), gps=False, seed=2, start=6)
+    outcome = run_sfm(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "sfm")
+    views, _, _ = loaded(tmp_path / "sfm")
+    np.testing.assert_array_equal(views.photo_id, np.arange(6, 14))
+    components = json.loads((tmp_path / "sfm" / "files" / "components.json").read_text())["components"]
+    assert [part["photo_ids"] for part in components] == [list(range(6, 14)), list(range(6))]
+    assert (tmp_path / "sfm" / "files" / components[1]["folder"] / "images.bin").exists()
+    assert any("fall into 2 parts" in note for note in outcome["notes"])
+    assert any("6 of 14 photographs could not be placed: photo_0.jpg" in note for note in outcome["notes"])
+
+
+def test_thirty_photographs_of_nothing_in_common(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    for i in range(30):
+        noise = np.random.default_rng(i).integers(0, 256, (60, 80, 3), dtype=np.uint8)
+        Image.fromarray(noise).resize((320, 240), Image.Resampling.BICUBIC).save(tmp_path / "in" / f"{i}.jpg")
+    error = run_sfm(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "sfm", max_features=1024)
+    assert "no scene could be reconstructed: 0 of 435 compared pairs of 30 photographs" in error["problem"]
+    assert "overlap by 60 %" in error["remedy"]
+
+
+def test_real_photographs_over_a_lake_shore(real_photos: Path, tmp_path: Path) -> None:
+    """All of brighton_beach is placed, and the flight is as high as the drone's own log says (39.8 m)."""
+    photos = take_photos(real_photos / "brighton_beach" / "images", tmp_path / "photos")
+    metrics = run_sfm(photos, tmp_path / "sfm")["metrics"]
+    assert metrics["registered"] == 18
+    assert metrics["reprojection_px"] < 0.5
+    assert metrics["gps_residual_m_median"] < 1.0
+    assert metrics["camera_height_m_median"] == pytest.approx(39.8, abs=1.5)
