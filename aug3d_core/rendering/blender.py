@@ -64,7 +64,7 @@ def render_colour(job: RenderJob, scratch: Path) -> tuple[UInt8[np.ndarray, "h w
     from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images and their alpha).
     """
     scene = bpy.context.scene
-    scene.cycles.samples, scene.cycles.use_denoising = job.samples, job.denoise
+    scene.cycles.samples = job.samples
     scene.cycles.pixel_filter_type = "BOX"
     channels = _render(scratch)
     alpha = np.clip(channels["A"], 0.0, 1.0)
@@ -78,7 +78,7 @@ def render_depth(scratch: Path) -> Float[np.ndarray, "h w"]:
     One ray per pixel with the narrowest filter, since Cycles keeps the depth of the first sample, wherever in the pixel it fell.
     """
     scene = bpy.context.scene
-    scene.cycles.samples, scene.cycles.use_denoising = 1, False
+    scene.cycles.samples = 1
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "GAUSSIAN", 0.01
     depth = _render(scratch)["Z"]
     return np.where(depth < _FAR, depth, 0.0)
@@ -101,10 +101,16 @@ def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
     image = render.image_settings
     image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.exr_codec, image.color_depth = "OPEN_EXR_MULTILAYER", "NONE", "32"
+    image.use_exr_interleave = True  # one part: with several, Blender 5.0 cannot save pixels that are not square
     scene.view_layers[0].use_pass_z = True
-    cycles.use_adaptive_sampling = False
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.seed = job.seed
-    cycles.max_bounces = cycles.diffuse_bounces = job.light.bounces if isinstance(job.light, Sunlit) else 0
+    sunlit = isinstance(job.light, Sunlit)
+    # Under the sky every pixel uses the same few directions: the error of few samples then is no grain but a faint, sharp overlay
+    # of sky shadows, the same in every view of a place. It is faster, too, and bpy ships without a denoiser.
+    cycles.sampling_pattern, cycles.scrambling_distance = "TABULATED_SOBOL", 0.0 if sunlit else 1.0
+    # One bounce is what carries the sky's light; light from further bounces is the even `fill`.
+    cycles.max_bounces = cycles.diffuse_bounces = 1 if sunlit else 0
 
 
 def _add_mesh(scene: bpy.types.Scene, file: MeshFile, light: Emission | Sunlit) -> None:
@@ -140,16 +146,24 @@ def _material(file: MeshFile, light: Emission | Sunlit) -> bpy.types.Material:
     tree = material.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    emits = isinstance(light, Emission)
-    shader = tree.nodes.new("ShaderNodeEmission" if emits else "ShaderNodeBsdfDiffuse")
     if file.texture is None:
         colour = tree.nodes.new("ShaderNodeAttribute")
         colour.attribute_name = _COLOUR
     else:
         colour = tree.nodes.new("ShaderNodeTexImage")
         colour.image = bpy.data.images.load(str(file.texture))
-    tree.links.new(colour.outputs["Color"], shader.inputs["Color"])
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shine = tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(colour.outputs["Color"], shine.inputs["Color"])
+    surface = shine
+    if isinstance(light, Sunlit):
+        shine.inputs["Strength"].default_value = light.fill
+        matt, surface = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeAddShader")
+        tree.links.new(colour.outputs["Color"], matt.inputs["Color"])
+        tree.links.new(shine.outputs[0], surface.inputs[0])
+        tree.links.new(matt.outputs[0], surface.inputs[1])
+    tree.links.new(surface.outputs[0], output.inputs["Surface"])
+    # Or else every one of 100,000 triangles becomes a lamp of its own.
+    material.cycles.emission_sampling = "NONE"
     return material
 
 

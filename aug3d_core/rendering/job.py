@@ -24,16 +24,16 @@ class Emission(Frozen):
 
 
 class Sunlit(Frozen):
-    """Matt surfaces under a sun and an even sky; irradiances are relative, `exposure` scales the result."""
+    """Matt surfaces under a sun and an even sky, in relative strengths."""
 
     kind: Literal["sunlit"] = "sunlit"
     sun_azimuth_deg: float = Field(description="Direction to the sun, clockwise from north (+y).")
     sun_elevation_deg: float = Field(gt=0, le=90, description="Height of the sun over the horizon.")
     sun_colour: tuple[float, float, float] = (1.0, 0.94, 0.84)
-    sun_strength: float = 3.0
-    sky_colour: tuple[float, float, float] = (0.56, 0.72, 1.0)
-    sky_strength: float = 0.45
-    bounces: int = Field(default=1, ge=0, le=16, description="Times that light is passed on between surfaces.")
+    sun_strength: float = 3.5
+    sky_colour: tuple[float, float, float] = (0.62, 0.76, 1.0)
+    sky_strength: float = 0.34
+    fill: float = Field(default=0.13, ge=0, description="Light that reaches every surface alike, for all later bounces.")
 
 
 class MeshFile(Frozen):
@@ -53,5 +53,4 @@ class RenderJob(Frozen):
     out: Path
     samples: int = Field(ge=1)
     light: Emission | Sunlit = Field(default=Emission(), discriminator="kind")
-    denoise: bool = False
     seed: int = 0

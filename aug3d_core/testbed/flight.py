@@ -10,9 +10,7 @@ from aug3d_core.testbed.config import TownConfig
 
 SECONDS_PER_PHOTO = 3
 
-# WGS84, and a place in the Bernese countryside as the town's origin
-ORIGIN_LAT_DEG, ORIGIN_LON_DEG, ORIGIN_ALT_M = 46.9, 7.5, 540.0
-_RADIUS_M, _SQUARED_ECCENTRICITY = 6378137.0, 6.69437999014e-3
+ORIGIN_GEODETIC = (46.9, 7.5, 540.0)  # the world's origin: latitude, longitude (degrees), altitude (m); open country
 
 _UNSTEADY_M = 0.6
 _UNSTEADY_DEG = (1.2, 1.2, 2.5)  # pitch, roll, heading
@@ -35,21 +33,6 @@ def plan_flight(config: TownConfig, rng: np.random.Generator) -> Views:
     n = len(poses)
     intrinsics = np.array([config.focal_px, config.focal_px, width / 2, height / 2])
     return Views(np.arange(n), np.stack(poses), np.tile(intrinsics, (n, 1)), np.tile([width, height], (n, 1)))
-
-
-def geodetic(points_in_world: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Return latitude, longitude (degrees) and altitude (m) of ENU points.
-
-    Linear about the origin: over the 2 km that a town may have, within 0.4 m of the full WGS84 formulas.
-    """
-    lat = np.radians(ORIGIN_LAT_DEG)
-    curve = 1 - _SQUARED_ECCENTRICITY * np.sin(lat) ** 2
-    north_m = _RADIUS_M * (1 - _SQUARED_ECCENTRICITY) / curve**1.5 + ORIGIN_ALT_M
-    east_m = (_RADIUS_M / np.sqrt(curve) + ORIGIN_ALT_M) * np.cos(lat)
-    east, north, up = points_in_world.T
-    return np.stack(
-        [ORIGIN_LAT_DEG + np.degrees(north / north_m), ORIGIN_LON_DEG + np.degrees(east / east_m), ORIGIN_ALT_M + up], axis=1
-    )
 
 
 def _spread(room_m: float, step_m: float) -> Float[np.ndarray, " n"]:

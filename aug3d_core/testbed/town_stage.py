@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image
 
+from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.transforms import centres, homogeneous, invert
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.job import MeshFile, RenderJob, Sunlit
@@ -73,7 +74,7 @@ def _shoot(
             continue
         job = RenderJob(
             meshes=meshes, cameras=cameras, first=first, last=last, out=scratch / layout.shard_name(first),
-            samples=config.samples, light=_LIGHT, denoise=config.denoise, seed=config.seed,
+            samples=config.samples, light=_LIGHT, seed=config.seed,
         )  # fmt: skip
         render(job, lambda done, first=first: progress(first + done, total, "photographs"))
         with np.load(job.out) as shard:
@@ -99,7 +100,8 @@ def _export(mesh: TexturedMesh, image: UInt8[np.ndarray, "h w 3"], stem: Path) -
 
 def _stamps(config: TownConfig, views: Views, rng: np.random.Generator) -> list[Stamp]:
     true_centres: Float[np.ndarray, "n 3"] = centres(views.cam_from_world)
-    measured = flight.geodetic(true_centres + rng.normal(0, config.gps_noise_m, true_centres.shape))
+    drifted = true_centres + rng.normal(0, config.gps_noise_m, true_centres.shape)
+    measured = geodetic_from_enu(drifted, np.array(flight.ORIGIN_GEODETIC))
     times = [_START + timedelta(seconds=flight.SECONDS_PER_PHOTO * i) for i in range(len(views))]
     return [Stamp(t, config.focal_35mm, *map(float, place)) for t, place in zip(times, measured, strict=True)]
 
@@ -108,7 +110,7 @@ def _write_truth(town: Town, views: Views, out: Path) -> None:
     (out / layout.TOWN_TRUTH).mkdir(exist_ok=True)
     views.save(out / layout.TRUTH_POSES)
     coloured_mesh(town).save(out / layout.TRUTH_MESH)
-    origin = {"lat_deg": flight.ORIGIN_LAT_DEG, "lon_deg": flight.ORIGIN_LON_DEG, "alt_m": flight.ORIGIN_ALT_M}
+    origin = dict(zip(("lat_deg", "lon_deg", "alt_m"), flight.ORIGIN_GEODETIC, strict=True))
     footprints = [
         {"outline_m": np.round(f.outline_m, 3).tolist(), "height_m": round(f.height_m, 3), "use": f.use} for f in town.footprints
     ]

@@ -1,0 +1,152 @@
+"""The worker with real Cycles: where things are in the picture, how far, in what colour."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.transforms import apply, homogeneous, invert, look_at, project
+from aug3d_core.rendering import launch
+from aug3d_core.rendering.job import MeshFile, RenderJob
+from aug3d_core.rendering.launch import WorkerDied, render
+
+WIDTH, HEIGHT = 7, 11  # odd and unequal, so that no swap of axes goes unseen
+COLOURS = np.array([[255, 0, 0], [12, 200, 77], [128, 128, 128], [3, 9, 250]], np.uint8)
+
+
+def quad(corners, colour) -> Mesh:
+    rgb = np.tile(np.asarray(colour, np.uint8), (4, 1))
+    return Mesh(np.asarray(corners, np.float32), rgb, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+
+
+def cameras(count: int, target, distance: float, rng: np.random.Generator):
+    """Draw cameras about a target, rolled, with unequal focal lengths and the principal point off the centre."""
+    poses, lenses = [], []
+    for _ in range(count):
+        direction = rng.normal(size=3)
+        direction[2] = abs(direction[2]) + 0.4
+        centre = target + distance * direction / np.linalg.norm(direction)
+        roll = rng.uniform(0, 2 * np.pi)
+        turn = np.array([[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
+        poses.append(turn @ look_at(centre, target))
+        lenses.append([rng.uniform(5, 16), rng.uniform(5, 16), WIDTH / 2 + rng.uniform(-1.5, 1.5), HEIGHT / 2 + rng.uniform(-2.5, 2.5)])
+    return np.stack(poses), np.array(lenses)
+
+
+def shoot(folder: Path, mesh: Mesh, cam_from_world, intrinsics, samples: int = 256) -> dict[str, np.ndarray]:
+    count = len(cam_from_world)
+    mesh.save(folder / "mesh.ply")
+    np.savez(
+        folder / "cameras.npz",
+        view_id=np.arange(count),
+        world_from_cam=homogeneous(invert(cam_from_world)),
+        intrinsics=intrinsics,
+        size=np.tile([WIDTH, HEIGHT], (count, 1)),
+    )
+    job = RenderJob(
+        meshes=(MeshFile(path=folder / "mesh.ply"),),
+        cameras=folder / "cameras.npz",
+        first=0,
+        last=count,
+        out=folder / "0000.npz",
+        samples=samples,
+    )
+    told = []
+    render(job, told.append)
+    assert told == list(range(1, count + 1))
+    with np.load(job.out) as shard:
+        return dict(shard)
+
+
+def centroid(polygon):
+    """Return the centre of area of a plane polygon."""
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    return ((a + b) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
+
+
+def test_small_things_appear_where_the_pinhole_model_says(tmp_path):
+    rng = np.random.default_rng(1)
+    at = np.array([3.0, -2.0, 1.0])
+    poses, lenses = cameras(24, at, 20.0, rng)
+    mesh = quad(at + 2.5 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), (200, 90, 10))
+    alpha = shoot(tmp_path, mesh, poses, lenses)["alpha"] / 255.0
+    y, x = np.meshgrid(np.arange(HEIGHT) + 0.5, np.arange(WIDTH) + 0.5, indexing="ij")
+    whole = 0
+    for image, pose, lens in zip(alpha, poses, lenses, strict=True):
+        corners = project(apply(pose, mesh.xyz.astype(float)), lens)
+        if (corners < 0).any() or (corners > [WIDTH, HEIGHT]).any():
+            continue
+        whole += 1
+        seen = np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
+        np.testing.assert_allclose(seen, centroid(corners), atol=0.05)
+        a, b = corners, np.roll(corners, -1, axis=0)
+        area = abs((a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]).sum()) / 2
+        np.testing.assert_allclose(image.sum(), area, rtol=0.03)
+    assert whole > 10
+
+
+def test_depth_is_along_z_at_pixel_centres_and_colour_in_is_colour_out(tmp_path):
+    rng = np.random.default_rng(2)
+    poses, lenses = cameras(len(COLOURS), np.zeros(3), 30.0, rng)
+    ground = np.array([(-900, -900, 0), (900, -900, 0), (900, 900, 0), (-900, 900, 0)], float)
+    shard = shoot(tmp_path, quad(ground, COLOURS[1]), poses, lenses, samples=4)
+    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    for depth, rgb, pose, lens in zip(shard["depth"], shard["rgb"], poses, lenses, strict=True):
+        rays = np.stack([(x - lens[2]) / lens[0], (y - lens[3]) / lens[1], np.ones_like(x)], axis=-1)
+        down = rays @ pose[:, :3][:, 2]  # how much a ray descends per metre along z
+        centre_height = invert(pose)[2, 3]
+        expected = np.where(down < -0.05, -centre_height / np.minimum(down, -0.05), 0)
+        sure = expected > 0
+        np.testing.assert_allclose(depth[sure], expected[sure], rtol=4e-3)  # float16, and rays within 0.005 px of centres
+        assert (rgb[sure] == COLOURS[1]).all()
+        assert sure.any()
+    assert shard["alpha"].dtype == np.uint8 and shard["depth"].dtype == np.float16
+
+
+def test_edges_keep_their_colour_and_nothing_has_no_depth(tmp_path):
+    pose = look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3))[None]
+    lens = np.array([[10.0, 10.0, WIDTH / 2, HEIGHT / 2]])
+    mesh = quad([(-1.25, -2.1, 0), (1.25, -2.1, 0), (1.25, 2.1, 0), (-1.25, 2.1, 0)], COLOURS[3])
+    shard = shoot(tmp_path, mesh, pose, lens, samples=1024)
+    alpha, rgb, depth = shard["alpha"][0], shard["rgb"][0], shard["depth"][0]
+    across, down = np.zeros(WIDTH), np.zeros(HEIGHT)
+    across[2:5], down[3:8] = (0.75, 1, 0.75), (0.6, 1, 1, 1, 0.6)  # the quad is 2.5 by 4.2 pixels
+    np.testing.assert_allclose(alpha / 255, np.outer(down, across), atol=0.02)
+    assert (rgb[alpha > 0] == COLOURS[3]).all()
+    np.testing.assert_array_equal(depth > 0, np.outer(down, across) > 0)
+    np.testing.assert_allclose(depth[depth > 0], 10.0, rtol=1e-3)
+
+
+def test_the_same_job_gives_the_same_bytes(tmp_path):
+    rng = np.random.default_rng(3)
+    poses, lenses = cameras(2, np.zeros(3), 5.0, rng)
+    mesh = quad([(-2, -1, 0), (1, -1, 0), (1, 1, 1), (-2, 1, 0)], COLOURS[2])
+    shoot(tmp_path, mesh, poses, lenses, samples=7)
+    first = (tmp_path / "0000.npz").read_bytes()
+    (tmp_path / "0000.npz").unlink()
+    shoot(tmp_path, mesh, poses, lenses, samples=7)
+    assert (tmp_path / "0000.npz").read_bytes() == first
+
+
+def job_for(folder: Path) -> RenderJob:
+    return RenderJob(
+        meshes=(MeshFile(path=folder / "missing.ply"),), cameras=folder / "c.npz", first=0, last=1, out=folder / "0.npz", samples=1
+    )
+
+
+def test_a_failing_worker_is_a_typed_error_with_its_last_words(tmp_path):
+    with pytest.raises(WorkerDied, match=r"(?s)exit code 1.*missing\.ply"):
+        render(job_for(tmp_path), lambda _: None)
+    assert not (tmp_path / "0.npz").exists()
+
+
+def test_a_killed_worker_is_a_typed_error_that_names_the_signal(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch.sys, "executable", str(tmp_path / "python"))
+    (tmp_path / "python").write_text("#!/bin/sh\necho 'no memory left' >&2\nkill -KILL $$\n")
+    (tmp_path / "python").chmod(0o755)
+    with pytest.raises(WorkerDied, match=r"(?s)signal SIGKILL.*no memory left") as caught:
+        render(job_for(tmp_path), lambda _: None)
+    assert signal.SIGKILL.name not in caught.value.remedy and "memory" in caught.value.remedy
