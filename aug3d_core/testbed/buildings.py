@@ -51,14 +51,16 @@ def _gable(
     low, out = eaves - _EAVES_OUT * slope + 0.06, y + _EAVES_OUT
     ex = x + _VERGE_OUT if b.use != "row" else x
     for side in (1, -1):
-        patch = _roof_patch(atlas, 2 * ex, float(np.hypot(out, ridge - low)), b, colour, rng)
+        usable = 0.0 if b.use == "shed" else 2 * ex - 1
+        patch = atlas.add(paint_roof(2 * ex, float(np.hypot(out, ridge - low)), "tiles", colour, usable, rng))
         top = ridge + 0.06
         plane = [(-side * ex, -side * out, low), (side * ex, -side * out, low), (side * ex, 0, top), (-side * ex, 0, top)]
         model.polygon(b.frame, plane, patch)
     if b.use != "shed":
         _chimneys(model, swatches, b, ridge, rng)
     if b.use == "row":
-        _dormers(model, atlas, swatches, b, slope, ridge, style, rng)
+        lid = atlas.add(paint_roof(1.8, 2.4, "tiles", colour, 0.0, rng))
+        _dormers(model, atlas, (swatches.metal, lid), b, slope, ridge, style, rng)
     return ridge
 
 
@@ -76,9 +78,12 @@ def _hip(model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: Wal
         j = (i + 1) % 4
         long = float(np.hypot(base[j][0] - base[i][0], base[j][1] - base[i][1]))
         inset = (short + _EAVES_OUT) / long
-        patch = _roof_patch(atlas, long, slant, b, colour, rng)
+        usable = 0.0 if b.use == "shed" else max(0.0, 0.9 * long - inset * long)
+        patch = atlas.add(paint_roof(long, slant, "tiles", colour, usable, rng))
         plane = [(*base[i], low), (*base[j], low), (*tops[j], ridge), (*tops[i], ridge)]
-        model.polygon(b.frame, plane, patch, [(0, 0), (1, 0), (1 - inset, 1), (inset, 1)])
+        uv = [(0, 0), (1, 0), (1 - inset, 1), (inset, 1)]
+        corners = 3 if np.allclose(tops[i], tops[j]) else 4  # a plane on a short side ends in a point
+        model.polygon(b.frame, plane[:corners], patch, uv[:corners])
     if b.use != "shed":
         _chimneys(model, swatches, b, ridge, rng)
     return ridge
@@ -90,7 +95,7 @@ def _flat(model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: Wa
     cover = "metal" if b.use == "hall" and rng.random() < 0.5 else "gravel"
     grey = rng.uniform(0.45, 0.68)
     colour = (grey, grey * rng.uniform(0.95, 1.0), grey * rng.uniform(0.88, 1.0))
-    patch = atlas.add(paint_roof(b.width_m, b.depth_m, cover, colour, False, rng))
+    patch = atlas.add(paint_roof(b.width_m, b.depth_m, cover, colour, 0.0, rng))
     inner = 0.3
     ix, iy = x - inner, y - inner
     model.polygon(b.frame, [(-x, -y, roof), (x, -y, roof), (x, y, roof), (-x, y, roof)], patch)
@@ -109,12 +114,6 @@ def _tile_colour(b: Building, rng: np.random.Generator) -> tuple[float, float, f
     return tuple(np.array(TILES[rng.integers(len(TILES))]) + rng.normal(0, 0.015, 3))
 
 
-def _roof_patch(
-    atlas: Atlas, width: float, slope: float, b: Building, colour: tuple[float, float, float], rng: np.random.Generator
-) -> int:
-    return atlas.add(paint_roof(width, slope, "tiles", colour, b.use != "shed", rng))
-
-
 def _chimneys(model: Model, swatches: Swatches, b: Building, ridge: float, rng: np.random.Generator) -> None:
     for _ in range(int(rng.integers(1, 3))):
         x, y, half = rng.uniform(-0.3, 0.3) * b.width_m, rng.uniform(-0.8, 0.8), rng.uniform(0.25, 0.45)
@@ -124,23 +123,28 @@ def _chimneys(model: Model, swatches: Swatches, b: Building, ridge: float, rng: 
 
 
 def _dormers(
-    model: Model, atlas: Atlas, swatches: Swatches, b: Building, slope: float, ridge: float, style: WallStyle,
+    model: Model, atlas: Atlas, patches: tuple[int, int], b: Building, slope: float, ridge: float, style: WallStyle,
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
+    """Let windows stand out of a steep roof, with cheeks and a tiled lid (`patches`) that slopes back to the ridge."""
     if rng.random() < 0.45 or ridge - b.eaves_m < 3.2:
         return
+    cheek, lid = patches
     count = 2 if b.width_m > 7.5 else 1
-    face = b.depth_m / 2 - 0.9
-    foot = b.eaves_m + 0.9 * slope
-    high = min(foot + 1.7, ridge - 0.3)
+    front, foot = -(b.depth_m / 2 - 0.9), b.eaves_m + 0.9 * slope
+    high = min(foot + 1.5, ridge - 0.6)
+    back = -(ridge - high - 0.25) / slope  # where the lid meets the roof
     for x in (np.arange(count) - (count - 1) / 2) * b.width_m / 2:
-        for side in (1, -1):
-            frame = Frame(0.0, 0.0, 0.0 if side > 0 else np.pi)
-            place = Frame(b.frame.x, b.frame.y, b.frame.yaw_rad + frame.yaw_rad)
-            model.box(place, (x - 0.8, -face, foot - 0.3), (x + 0.8, -0.2, high), swatches.metal, swatches.dark)
+        for turn in (0.0, np.pi):
+            place = Frame(b.frame.x, b.frame.y, b.frame.yaw_rad + turn)
             window = atlas.add(paint_wall(1.6, 1.9, 1.0, style, False, rng))
-            front = -face - 0.02
-            model.polygon(place, [(x - 0.8, front, foot - 0.2), (x + 0.8, front, foot - 0.2), (x + 0.8, front, high), (x - 0.8, front, high)], window)
+            x0, x1, low = x - 0.8, x + 0.8, foot - 0.2
+            model.polygon(place, [(x0, front, low), (x1, front, low), (x1, front, high), (x0, front, high)], window)
+            for side in (x0, x1):
+                model.polygon(place, [(side, front, low), (side, back, high + 0.25), (side, front, high)], cheek, [(0, 0), (1, 1), (0, 1)])
+            eaves, verge = front - 0.2, 0.15
+            corners = [(x0 - verge, eaves, high + 0.02), (x1 + verge, eaves, high + 0.02)]
+            model.polygon(place, [*corners, (x1 + verge, back, high + 0.27), (x0 - verge, back, high + 0.27)], lid)
 
 
 def _roof_boxes(model: Model, swatches: Swatches, b: Building, rng: np.random.Generator) -> float:

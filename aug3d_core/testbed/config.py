@@ -23,7 +23,7 @@ class TownConfig(StageConfig):
     side_overlap: float = Field(default=0.67, ge=0.2, le=0.95, description="Overlap of neighbouring lines' footprints (share).")
     gps_noise_m: float = Field(default=1.5, ge=0, le=50, description="Standard deviation of the GPS per axis (m).")
     samples: int = Field(default=6, ge=1, le=4096, description="Samples per pixel (count).")
-    photos_per_shard: int = Field(default=16, ge=1, le=10_000, description="Photos per render process (count).")
+    photos_per_shard: int = Field(default=20, ge=1, le=10_000, description="Photos per render process (count).")
 
     @property
     def height_px(self) -> int:

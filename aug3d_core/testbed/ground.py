@@ -16,8 +16,8 @@ _FINEST_M = 0.07  # finer than a photograph's pixel on the ground (0.11 m at 640
 
 # colour (sRGB 0..1), strength of the fine grain, of the coarse stains
 _LOOK = {
-    Ground.MEADOW: ((0.44, 0.48, 0.27), 0.13, 0.12),
-    Ground.LAWN: ((0.38, 0.46, 0.23), 0.11, 0.09),
+    Ground.MEADOW: ((0.44, 0.47, 0.28), 0.13, 0.09),
+    Ground.LAWN: ((0.38, 0.44, 0.24), 0.12, 0.06),
     Ground.ASPHALT: ((0.40, 0.40, 0.41), 0.07, 0.06),
     Ground.PAVEMENT: ((0.62, 0.60, 0.57), 0.06, 0.05),
     Ground.KERB: ((0.72, 0.71, 0.68), 0.05, 0.05),
@@ -70,7 +70,7 @@ def _colour(kind: UInt8[np.ndarray, "h w"], pixel_m: float, rng: np.random.Gener
     stains = fractal(kind.shape, [2.2 / pixel_m, 6 / pixel_m, 17 / pixel_m], rng)
     light = 1 + fine[kind] * grain + coarse[kind] * stains + _pattern(kind, pixel_m, rng)
     image = base[kind] * light[..., None]
-    _wither(image, kind, stains)
+    _wither(image, kind, stains, rng)
     return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
@@ -90,8 +90,12 @@ def _pattern(kind: UInt8[np.ndarray, "h w"], pixel_m: float, rng: np.random.Gene
     return light
 
 
-def _wither(image: Float[np.ndarray, "h w 3"], kind: UInt8[np.ndarray, "h w"], stains: Float[np.ndarray, "h w"]) -> None:
-    """Turn dry spots of grass yellow, in place."""
+def _wither(
+    image: Float[np.ndarray, "h w 3"], kind: UInt8[np.ndarray, "h w"], stains: Float[np.ndarray, "h w"], rng: np.random.Generator
+) -> None:
+    """Turn dry spots of grass yellow and strew flowers, in place."""
     grass = (kind == Ground.LAWN) | (kind == Ground.MEADOW)
-    dry = np.clip((stains - 0.3) * 0.5, 0, 0.7) * grass
-    image += dry[..., None] * np.array([0.16, 0.07, 0.02], np.float32)
+    dry = np.clip((stains - 0.3) * 0.3, 0, 0.5) * grass
+    image += dry[..., None] * np.array([0.16, 0.08, 0.03], np.float32)
+    flowers = (rng.random(kind.shape, np.float32) < 0.004) & grass
+    image[flowers] += np.float32(0.25)

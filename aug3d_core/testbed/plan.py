@@ -124,9 +124,8 @@ def make_plan(length_m: float, width_m: float, rng: np.random.Generator) -> Plan
     for block in blocks:
         plan.rect(Ground.LAWN, *block)
     _draw_streets(plan, length_m, width_m, across, along, rng)
-    uses = _uses(len(blocks), rng)
-    for block, use in zip(blocks, uses, strict=True):
-        FILL[use](plan, block, rng)
+    for block, use in zip(blocks, _uses(len(blocks), rng), strict=True):
+        FILL[use if block.y1 - block.y0 > NEEDS_M[use] else "houses"](plan, block, rng)
     return plan
 
 
@@ -137,11 +136,17 @@ def _country(plan: Plan, length_m: float, width_m: float, rng: np.random.Generat
         for start in np.arange(-x - MARGIN_M, x + MARGIN_M, 38.0):
             kind = Ground.FIELD if rng.random() < 0.45 else Ground.FOREST if rng.random() < 0.3 else Ground.MEADOW
             near, far = sorted((side * (y + 7), side * (y + MARGIN_M)))
-            plan.rect(kind, start, near, start + 37, far)
-            for _ in range(26 if kind == Ground.FOREST else 1 if kind == Ground.MEADOW else 0):
-                _tree(plan, rng.uniform(start, start + 37), rng.uniform(near, far), rng, (2.0, 4.0))
-        for _ in range(14):
+            end = min(start + 37, x + MARGIN_M)
+            plan.rect(kind, start, near, end, far)
+            for _ in range(16 if kind == Ground.FOREST else 3 if kind == Ground.MEADOW else 0):
+                _tree(plan, rng.uniform(start, end), rng.uniform(near, far), rng, (2.0, 4.0))
+            plan.hedges.append(Rect(end - 0.7, near, end + 0.7, far))
+        for _ in range(22):
             _tree(plan, side * rng.uniform(x + 4, x + MARGIN_M), rng.uniform(-y, y), rng, (2.0, 4.0))
+        track = side * (x + rng.uniform(14, 20))
+        plan.rect(Ground.GRAVEL, track, -y - MARGIN_M, track + 2.4, y + MARGIN_M)
+        low, high = sorted((track + side * 6, track + side * 32))
+        plan.rect(Ground.FIELD, low, -y * 0.8, high, -2)
 
 
 def _tree(plan: Plan, x: float, y: float, rng: np.random.Generator, radius_m: tuple[float, float]) -> None:
@@ -153,7 +158,7 @@ def _tree(plan: Plan, x: float, y: float, rng: np.random.Generator, radius_m: tu
 
 
 def _streets(extent_m: float, spacing_m: float, rng: np.random.Generator) -> list[Street]:
-    count = max(2, round(extent_m / spacing_m))
+    count = max(1, round(extent_m / spacing_m))
     step = extent_m / count
     at = -extent_m / 2 + step * np.arange(1, count) + rng.uniform(-0.08, 0.08, count - 1) * step
     return [Street(float(a), float(rng.choice([3.0, 3.4, 4.2]))) for a in at]
@@ -229,7 +234,7 @@ def _line_with_trees_and_cars(
 ) -> None:
     start, end = span
     for u in np.arange(start + 9, end - 8, 11.0):
-        if rng.random() < 0.45:
+        if rng.random() < 0.6:
             x, y = (u, street.at + side * (street.half_m + 1.0)) if east else (street.at + side * (street.half_m + 1.0), u)
             plan.rect(Ground.SOIL, x - 0.7, y - 0.7, x + 0.7, y + 0.7)
             plan.trees.append(Tree(x, y, rng.uniform(1.4, 2.3), rng.uniform(5, 7.5), "round"))
@@ -299,7 +304,7 @@ def _garden(plan: Plan, span: tuple[float, float], wall: float, back: float, rng
         plan.rect(Ground.WATER, at - 2.9, y - 1.2, at + 2.9, y + 1.2)
     else:
         plan.rect(Ground.SOIL, span[0] + 1, y - 1.0, span[0] + rng.uniform(3, 6), y + 1.0)
-    for _ in range(rng.integers(1, 4)):
+    for _ in range(rng.integers(2, 6)):
         y = rng.uniform(*sorted((wall + inward * 2.5, back - inward)))
         if rng.random() < 0.5:
             plan.trees.append(Tree(rng.uniform(at, span[1] - 1), y, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.6), "bush"))
@@ -318,8 +323,8 @@ def _rows(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
             frame = Frame(x + width / 2, front + inward * (0.6 + depth / 2), np.pi if inward < 0 else 0.0)
             eaves = rng.choice([5.8, 8.4, 8.8, 11.2])
             plan.buildings.append(Building(frame, width, depth, eaves, "gable", rng.uniform(30, 45), "row"))
-            plan.hedges.append(Rect(x - 0.2, *sorted((front + inward * (depth + 2), front + inward * (depth + 5)))[:1], x + 0.2,
-                                    sorted((front + inward * (depth + 2), front + inward * (depth + 5)))[1]))
+            low, high = sorted((front + inward * (depth + 2), front + inward * (depth + 5)))
+            plan.hedges.append(Rect(x - 0.2, low, x + 0.2, high))
             low, high = sorted((front + inward * (depth + 0.6), front + inward * (depth + 2.8)))
             plan.rect(Ground.TERRACE if rng.random() < 0.6 else Ground.GRAVEL, x + 0.4, low, x + width - 0.6, high)
             if rng.random() < 0.5:
@@ -396,4 +401,5 @@ def _park(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
             _tree(plan, tx, ty, rng, (2.0, 3.6))
 
 
+NEEDS_M = {"houses": 0.0, "rows": 24.0, "flats": 30.0, "hall": 26.0, "park": 20.0}  # north-south size of a block
 FILL = {"houses": _houses, "rows": _rows, "flats": _flats, "hall": _hall, "park": _park}

@@ -16,16 +16,15 @@ _PANEL = (0.10, 0.13, 0.24)
 
 
 def paint_roof(
-    width_m: float, slope_m: float, cover: Cover, colour: tuple[float, float, float], extras: bool, rng: np.random.Generator
+    width_m: float, slope_m: float, cover: Cover, colour: tuple[float, float, float], flat_top_m: float, rng: np.random.Generator
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Paint one roof plane, the eaves at the last row; `extras` adds roof windows or solar panels."""
+    """Paint one roof plane, the eaves at the last row; roof windows or solar panels keep within the ridge's length."""
     shape = (max(4, round(slope_m * PX_PER_M)), max(4, round(width_m * PX_PER_M)))
     light = _COVERS[cover](shape, rng)
     image = np.array(colour, np.float32) * light[..., None]
     moss = np.clip(fractal(shape, [9, 25, 60], rng) - 0.9, 0, 1.2) * (0.35 if cover == "tiles" else 0.12)
     image = image * (1 - moss[..., None]) + moss[..., None] * np.array([0.33, 0.36, 0.22], np.float32)
-    if extras:
-        _add_extras(image, rng)
+    _add_extras(image, round(flat_top_m * PX_PER_M), rng)
     return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
@@ -53,13 +52,14 @@ def _metal(shape: tuple[int, int], rng: np.random.Generator) -> Float[np.ndarray
 _COVERS = {"tiles": _tiles, "gravel": _gravel, "metal": _metal}
 
 
-def _add_extras(image: Float[np.ndarray, "h w 3"], rng: np.random.Generator) -> None:
+def _add_extras(image: Float[np.ndarray, "h w 3"], usable_px: int, rng: np.random.Generator) -> None:
     height, width = image.shape[:2]
-    if rng.random() < 0.35 and height > 45 and width > 70:
-        _solar(image, rng)
-    else:
+    middle = image[:, (width - usable_px) // 2 : (width + usable_px) // 2]
+    if rng.random() < 0.28 and height > 45 and usable_px > 62:
+        _solar(middle, rng)
+    elif usable_px > 30:
         for _ in range(int(rng.integers(0, 3))):
-            y, x = int(rng.uniform(0.2, 0.6) * height), int(rng.uniform(0.12, 0.8) * width)
+            y, x = int(rng.uniform(0.2, 0.6) * height), int((width - usable_px) / 2 + rng.uniform(0.05, 0.8) * usable_px)
             image[y : y + 17, x : x + 13] = (0.80, 0.80, 0.80)
             image[y + 2 : y + 15, x + 2 : x + 11] = np.array([0.20, 0.26, 0.32]) + rng.uniform(-0.04, 0.15)
 

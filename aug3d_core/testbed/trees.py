@@ -64,7 +64,7 @@ def _core(model: Model, centre: np.ndarray, radii: np.ndarray, kind: str, lumps:
 def _leaves(
     model: Model, centre: np.ndarray, radii: np.ndarray, kind: str, lumps: _Lumps, patch: int, rng: np.random.Generator
 ) -> None:
-    count = int(np.clip(70 * radii[0] * (radii[0] + radii[2]) / 2, 40, 800))
+    count = int(np.clip(90 * radii[0] * (radii[0] + radii[2]) / 2, 60, 750))
     direction = rng.normal(size=(count, 3))
     direction[:, 2] = np.where(rng.random(count) < 0.6, np.abs(direction[:, 2]), direction[:, 2])
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -75,7 +75,7 @@ def _leaves(
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     other = np.cross(normal, side)
     other /= np.linalg.norm(other, axis=1, keepdims=True)
-    size = rng.uniform(0.16, 0.36, (count, 1)) * (0.7 + 0.12 * radii[0])
+    size = rng.uniform(0.12, 0.28, (count, 1)) * (0.7 + 0.12 * radii[0])
     square = np.array([(-1, -0.7), (1, -1), (0.8, 1), (-1, 0.8)])
     vertices = at[:, None] + square[None, :, :1] * (side * size)[:, None] + square[None, :, 1:] * (other * size)[:, None]
     first = 4 * np.arange(count)[:, None]
@@ -92,7 +92,8 @@ def add_hedge(model: Model, swatches: Swatches, hedge: Rect, rng: np.random.Gene
     x, y = (hedge.x0 + hedge.x1) / 2, (hedge.y0 + hedge.y1) / 2
     frame = Frame(x, y, 0.0 if long_x else np.pi / 2)
     high, patch = rng.uniform(1.0, 1.9), int(swatches.leaves[rng.integers(len(swatches.leaves))])
-    for start in np.arange(-length / 2, length / 2 - 0.2, 0.8):
+    step = 0.8 if length < 40 else 1.6  # the long ones are far out in the country
+    for start in np.arange(-length / 2, length / 2 - 0.2, step):
         half = width / 2 * rng.uniform(0.8, 1.15)
         top = high * rng.uniform(0.88, 1.1)
-        model.box(frame, (start, -half, -0.5), (start + 0.85, half, top), patch, patch, taper=0.08)
+        model.box(frame, (start, -half, -0.5), (start + step + 0.05, half, top), patch, patch, taper=0.08)
