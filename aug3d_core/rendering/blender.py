@@ -3,6 +3,9 @@
 Blender's camera looks along -z with y up; ours along +z with y down. Every shape here follows `job.py`.
 """
 
+# bpy ships no type information:
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+
 from __future__ import annotations
 
 import os
@@ -60,8 +63,8 @@ def set_camera(
 def render_colour(job: RenderJob, scratch: Path) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"]]:
     """Render the view and return its sRGB colour (not darkened by alpha) and its alpha.
 
-    The pixel filter is a box one pixel wide: a pixel then is the mean over its own footprint, as on a sensor, and takes nothing
-    from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images and their alpha).
+    The pixel filter is a box one pixel wide: a pixel then is the mean over its own footprint, as on a sensor, and takes
+    nothing from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images).
     """
     scene = bpy.context.scene
     scene.cycles.samples = job.samples
@@ -75,7 +78,8 @@ def render_colour(job: RenderJob, scratch: Path) -> tuple[UInt8[np.ndarray, "h w
 def render_depth(scratch: Path) -> Float[np.ndarray, "h w"]:
     """Return the distance along the camera's z axis at every pixel's centre, 0 where there is nothing.
 
-    One ray per pixel with the narrowest filter, since Cycles keeps the depth of the first sample, wherever in the pixel it fell.
+    One ray per pixel with the narrowest filter, since Cycles keeps the depth of the first sample, wherever in the pixel
+    it fell.
     """
     scene = bpy.context.scene
     scene.cycles.samples = 1
@@ -106,8 +110,8 @@ def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.seed = job.seed
     sunlit = isinstance(job.light, Sunlit)
-    # Under the sky every pixel uses the same few directions: the error of few samples then is no grain but a faint, sharp overlay
-    # of sky shadows, the same in every view of a place. It is faster, too, and bpy ships without a denoiser.
+    # Under the sky every pixel uses the same few directions: the error of few samples then is no grain but a faint
+    # overlay of sky shadows, the same in every view of a place. It is faster, too, and bpy ships without a denoiser.
     cycles.sampling_pattern, cycles.scrambling_distance = "TABULATED_SOBOL", 0.0 if sunlit else 1.0
     # One bounce is what carries the sky's light; light from further bounces is the even `fill`.
     cycles.max_bounces = cycles.diffuse_bounces = 1 if sunlit else 0

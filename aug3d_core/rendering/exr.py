@@ -1,7 +1,8 @@
 """Read the uncompressed single-part OpenEXR files that Blender writes.
 
-Blender offers no leaner way to get the float colour and depth of a render without a display and without a compositor: loading
-its own file back through `bpy.data.images` gives one layer only. The format: https://openexr.com/en/latest/OpenEXRFileLayout.html.
+Blender offers no leaner way to get the float colour and depth of a render without a display and without a compositor:
+loading its own file back through `bpy.data.images` gives one layer only.
+The format: https://openexr.com/en/latest/OpenEXRFileLayout.html.
 """
 
 from __future__ import annotations

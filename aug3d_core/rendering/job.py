@@ -1,10 +1,10 @@
 """What a worker renders: meshes, cameras, light. Written as JSON; arrays stay in the files it names.
 
-Cameras are an `.npz` of `view_id` (M,), `world_from_cam` (M,4,4), `intrinsics` (M,4: fx, fy, cx, cy) and `size` (M,2: width,
-height), in COLMAP's convention: x right, y down, z forward, pixel centres at half-integers.
+Cameras are an `.npz` of `view_id` (M,), `world_from_cam` (M,4,4), `intrinsics` (M,4: fx, fy, cx, cy) and `size` (M,2:
+width, height), in COLMAP's convention: x right, y down, z forward, pixel centres at half-integers.
 
-A mesh is a PLY with vertex colours, or an `.npz` of `vertices` (V,3), `triangles` (T,3) and `uv` (T,3,2; v up) for a texture.
-Colours and textures are 8-bit sRGB.
+A mesh is a PLY with vertex colours, or an `.npz` of `vertices` (V,3), `triangles` (T,3) and `uv` (T,3,2; v up) for a
+texture. Colours and textures are 8-bit sRGB.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ class Sunlit(Frozen):
     sun_strength: float = 3.5
     sky_colour: tuple[float, float, float] = (0.62, 0.76, 1.0)
     sky_strength: float = 0.34
-    fill: float = Field(default=0.13, ge=0, description="Light that reaches every surface alike, for all later bounces.")
+    fill: float = Field(
+        default=0.13, ge=0, description="Light that reaches every surface alike, for all later bounces."
+    )
 
 
 class MeshFile(Frozen):

@@ -22,8 +22,8 @@ class WorkerDied(Aug3dError):
 def render(job: RenderJob, on_view: Callable[[int], None]) -> None:
     """Render a job's shard; `on_view(done)` is called after each view.
 
-    The worker stays in this process's group, so that whoever kills the stage kills it too. Raises WorkerDied with the last lines
-    that it logged.
+    The worker stays in this process's group, so that whoever kills the stage kills it too. Raises WorkerDied with the
+    last lines that it logged.
     """
     with tempfile.TemporaryDirectory() as folder:
         job_file, log_file = Path(folder) / "job.json", Path(folder) / "log.txt"

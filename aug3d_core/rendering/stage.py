@@ -39,7 +39,9 @@ def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) 
 
 def _check(cameras: dict[str, np.ndarray]) -> None:
     if len(cameras["view_id"]) == 0:
-        raise InputError("the sampling stage planned no views", "Give it more cells, or photographs that cover more ground.")
+        raise InputError(
+            "the sampling stage planned no views", "Give it more cells, or photographs that cover more ground."
+        )
     if len(np.unique(cameras["size"], axis=0)) > 1:
         raise InputError("the planned views differ in size", "Plan all views at the data set's one size.")
 
@@ -76,7 +78,9 @@ def _judge(shard: int, job: RenderJob, dome_id: np.ndarray, config: RenderingCon
     weight = np.maximum(cover.sum(axis=(1, 2)), 1e-6)
     luminance = np.einsum("nhwc,c,nhw->n", rgb, [0.2126, 0.7152, 0.0722], cover) / weight
     covered = cover.mean(axis=(1, 2))
-    reason = np.where(covered < config.min_covered_share, "too little surface", np.where(luminance < _BLACK, "black", ""))
+    reason = np.where(
+        covered < config.min_covered_share, "too little surface", np.where(luminance < _BLACK, "black", "")
+    )
     return pd.DataFrame(
         {
             "view_id": view_id,
@@ -103,12 +107,15 @@ def _some_views(table: pd.DataFrame, jobs: list[RenderJob]) -> list[np.ndarray]:
 
 
 def _outcome(table: pd.DataFrame, views_per_minute: float | None) -> Outcome:
-    kept = int(table["kept"].sum())
+    kept = int(np.count_nonzero(table["kept"]))
     if kept == 0:
         raise InputError(
             f"none of the {len(table)} rendered views shows enough surface",
             "Lower rendering.min_covered_share, or bring the domes closer to the surface.",
         )
-    counts = {f"dropped_{r.replace(' ', '_')}": int((table["reason"] == r).sum()) for r in ("too little surface", "black")}
+    counts = {
+        f"dropped_{r.replace(' ', '_')}": int(np.count_nonzero(table["reason"] == r))
+        for r in ("too little surface", "black")
+    }
     metrics = {"views": len(table), "kept": kept, "kept_share": kept / len(table), "views_per_minute": views_per_minute}
     return Outcome(metrics=metrics | counts, pictures={"Rendered views": _SHEET})

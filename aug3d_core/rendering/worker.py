@@ -1,7 +1,10 @@
 """The render process: `python -m aug3d_core.rendering.worker job.json` renders one shard and ends.
 
-A process per shard, because Blender's memory grows with every render and only its end gives it back. Progress goes to standard
-output, one line `view DONE TOTAL` each; all that Blender prints is sent to standard error.
+A process per shard, because Blender's memory grows with every render and only its end gives it back. Progress goes to
+standard output, one line `view DONE TOTAL` each; all that Blender prints is sent to standard error.
+
+A shard holds, in the order of the camera file: view_id (n,), rgb (n,H,W,3) uint8 sRGB, alpha (n,H,W) uint8, and depth
+(n,H,W) float16: along z, in world units, 0 where empty.
 """
 
 from __future__ import annotations
@@ -17,15 +20,14 @@ import numpy as np
 from aug3d_core.rendering.blender import open_scene, render_colour, render_depth, set_camera
 from aug3d_core.rendering.job import RenderJob
 
-# What a worker writes; the views keep the order of the camera file.
-#   view_id (n,), rgb (n,H,W,3) uint8 sRGB, alpha (n,H,W) uint8, depth (n,H,W) float16: along z, world units, 0 where empty
-
 
 def render_shard(job: RenderJob, progress: TextIO) -> None:
     """Render the job's views and write them at once, so that a shard's file exists only when it is whole."""
     open_scene(job)
     with np.load(job.cameras, allow_pickle=False) as file:
-        cameras = {name: file[name][job.first : job.last] for name in ("view_id", "world_from_cam", "intrinsics", "size")}
+        cameras = {
+            name: file[name][job.first : job.last] for name in ("view_id", "world_from_cam", "intrinsics", "size")
+        }
     width, height = cameras["size"][0]
     total = len(cameras["view_id"])
     rgb = np.empty((total, height, width, 3), np.uint8)

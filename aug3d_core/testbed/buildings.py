@@ -54,7 +54,12 @@ def _gable(
         usable = 0.0 if b.use == "shed" else 2 * ex - 1
         patch = atlas.add(paint_roof(2 * ex, float(np.hypot(out, ridge - low)), "tiles", colour, usable, rng))
         top = ridge + 0.06
-        plane = [(-side * ex, -side * out, low), (side * ex, -side * out, low), (side * ex, 0, top), (-side * ex, 0, top)]
+        plane = [
+            (-side * ex, -side * out, low),
+            (side * ex, -side * out, low),
+            (side * ex, 0, top),
+            (-side * ex, 0, top),
+        ]
         model.polygon(b.frame, plane, patch)
     if b.use != "shed":
         _chimneys(model, swatches, b, ridge, rng)
@@ -64,7 +69,9 @@ def _gable(
     return ridge
 
 
-def _hip(model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: WallStyle, rng: np.random.Generator) -> float:
+def _hip(
+    model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: WallStyle, rng: np.random.Generator
+) -> float:
     x, y, slope = b.width_m / 2, b.depth_m / 2, np.tan(np.radians(b.pitch_deg))
     _walls(model, atlas, b, b.eaves_m, style, rng)
     short = min(x, y)
@@ -89,7 +96,9 @@ def _hip(model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: Wal
     return ridge
 
 
-def _flat(model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: WallStyle, rng: np.random.Generator) -> float:
+def _flat(
+    model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: WallStyle, rng: np.random.Generator
+) -> float:
     x, y, roof, rim = b.width_m / 2, b.depth_m / 2, b.eaves_m, b.eaves_m + _PARAPET
     _walls(model, atlas, b, rim, style, rng)
     cover = "metal" if b.use == "hall" and rng.random() < 0.5 else "gravel"
@@ -102,8 +111,12 @@ def _flat(model: Model, atlas: Atlas, swatches: Swatches, b: Building, style: Wa
     outside, inside = [(-x, -y), (x, -y), (x, y), (-x, y)], [(-ix, -iy), (ix, -iy), (ix, iy), (-ix, iy)]
     for i in range(4):
         j = (i + 1) % 4
-        model.polygon(b.frame, [(*outside[i], rim), (*outside[j], rim), (*inside[j], rim), (*inside[i], rim)], swatches.concrete)
-        model.polygon(b.frame, [(*inside[j], roof), (*inside[i], roof), (*inside[i], rim), (*inside[j], rim)], swatches.concrete)
+        model.polygon(
+            b.frame, [(*outside[i], rim), (*outside[j], rim), (*inside[j], rim), (*inside[i], rim)], swatches.concrete
+        )
+        model.polygon(
+            b.frame, [(*inside[j], roof), (*inside[i], roof), (*inside[i], rim), (*inside[j], rim)], swatches.concrete
+        )
     top = _roof_boxes(model, swatches, b, rng)
     return max(rim, top)
 
@@ -119,7 +132,13 @@ def _chimneys(model: Model, swatches: Swatches, b: Building, ridge: float, rng: 
         x, y, half = rng.uniform(-0.3, 0.3) * b.width_m, rng.uniform(-0.8, 0.8), rng.uniform(0.25, 0.45)
         low, high = ridge - 1.6, ridge + rng.uniform(0.7, 1.1)
         model.box(b.frame, (x - half, y - 0.3, low), (x + half, y + 0.3, high), swatches.brick, swatches.concrete)
-        model.box(b.frame, (x - half + 0.12, y - 0.15, high), (x + half - 0.12, y + 0.15, high + 0.2), swatches.dark, swatches.dark)
+        model.box(
+            b.frame,
+            (x - half + 0.12, y - 0.15, high),
+            (x + half - 0.12, y + 0.15, high + 0.2),
+            swatches.dark,
+            swatches.dark,
+        )
 
 
 def _dormers(
@@ -141,7 +160,12 @@ def _dormers(
             x0, x1, low = x - 0.8, x + 0.8, foot - 0.2
             model.polygon(place, [(x0, front, low), (x1, front, low), (x1, front, high), (x0, front, high)], window)
             for side in (x0, x1):
-                model.polygon(place, [(side, front, low), (side, back, high + 0.25), (side, front, high)], cheek, [(0, 0), (1, 1), (0, 1)])
+                model.polygon(
+                    place,
+                    [(side, front, low), (side, back, high + 0.25), (side, front, high)],
+                    cheek,
+                    [(0, 0), (1, 1), (0, 1)],
+                )
             eaves, verge = front - 0.2, 0.15
             corners = [(x0 - verge, eaves, high + 0.02), (x1 + verge, eaves, high + 0.02)]
             model.polygon(place, [*corners, (x1 + verge, back, high + 0.27), (x0 - verge, back, high + 0.27)], lid)
@@ -161,5 +185,11 @@ def _roof_boxes(model: Model, swatches: Swatches, b: Building, rng: np.random.Ge
         side, lid = (swatches.metal, swatches.glass) if kind == "glass" else (getattr(swatches, kind),) * 2
         model.box(b.frame, (x - wide, y - deep, roof), (x + wide, y + deep, roof + high), side, lid)
         if kind == "metal":
-            model.box(b.frame, (x - wide / 2, y - deep / 2, roof), (x + wide / 2, y + deep / 2, roof + high + 0.06), side, swatches.dark)
+            model.box(
+                b.frame,
+                (x - wide / 2, y - deep / 2, roof),
+                (x + wide / 2, y + deep / 2, roof + high + 0.06),
+                side,
+                swatches.dark,
+            )
     return top

@@ -26,8 +26,8 @@ def add_car(model: Model, swatches: Swatches, frame: Frame, rng: np.random.Gener
 
 
 def _cabin(
-    model: Model, swatches: Swatches, frame: Frame, along: tuple[float, float], half: float, levels: tuple[float, float],
-    paint: int, steep: bool,
+    model: Model, swatches: Swatches, frame: Frame, along: tuple[float, float], half: float,
+    levels: tuple[float, float], paint: int, steep: bool,
 ) -> None:  # fmt: skip
     (rear, front), (low, high) = along, levels
     back, bonnet, inward = (0.2 if steep else 0.55), 0.6, 0.14

@@ -13,14 +13,26 @@ class TownConfig(StageConfig):
     """The town, its flight and its camera. The number of photographs follows from size, altitude and overlaps."""
 
     seed: int = Field(default=7, ge=0, le=2**31 - 1, description="Seed of everything random (number).")
-    length_m: float = Field(default=220.0, ge=60, le=2000, description="East-west size of the town, along the flight lines (m).")
+    length_m: float = Field(
+        default=220.0, ge=60, le=2000, description="East-west size of the town, along the flight lines (m)."
+    )
     width_m: float = Field(default=130.0, ge=60, le=2000, description="North-south size of the town (m).")
     altitude_m: float = Field(default=55.0, ge=30, le=500, description="Height of the flight over the ground (m).")
-    focal_35mm: int = Field(default=27, ge=14, le=100, description="Focal length as on 35 mm film (mm); 27 sees 65 degrees.")
-    width_px: int = Field(default=640, ge=160, le=4000, description="Width of a photograph (px); its height is three quarters.")
-    tilt_deg: float = Field(default=12.0, ge=0, le=45, description="Tilt of the camera ahead of straight down (degrees).")
-    forward_overlap: float = Field(default=0.76, ge=0.3, le=0.95, description="Overlap of successive footprints (share).")
-    side_overlap: float = Field(default=0.67, ge=0.2, le=0.95, description="Overlap of neighbouring lines' footprints (share).")
+    focal_35mm: int = Field(
+        default=27, ge=14, le=100, description="Focal length as on 35 mm film (mm); 27 sees 65 degrees."
+    )
+    width_px: int = Field(
+        default=640, ge=160, le=4000, description="Width of a photograph (px); its height is three quarters."
+    )
+    tilt_deg: float = Field(
+        default=12.0, ge=0, le=45, description="Tilt of the camera ahead of straight down (degrees)."
+    )
+    forward_overlap: float = Field(
+        default=0.76, ge=0.3, le=0.95, description="Overlap of successive footprints (share)."
+    )
+    side_overlap: float = Field(
+        default=0.67, ge=0.2, le=0.95, description="Overlap of neighbouring lines' footprints (share)."
+    )
     gps_noise_m: float = Field(default=1.5, ge=0, le=50, description="Standard deviation of the GPS per axis (m).")
     samples: int = Field(default=6, ge=1, le=4096, description="Samples per pixel (count).")
     photos_per_shard: int = Field(default=20, ge=1, le=10_000, description="Photos per render process (count).")

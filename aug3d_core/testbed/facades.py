@@ -13,7 +13,8 @@ PX_PER_M = 12.5
 _FRAME = (0.90, 0.89, 0.86)
 _DOORS = ((0.34, 0.22, 0.15), (0.20, 0.30, 0.24), (0.45, 0.16, 0.14), (0.25, 0.28, 0.36))
 PLASTERS = (
-    (0.86, 0.82, 0.73), (0.90, 0.88, 0.84), (0.85, 0.74, 0.55), (0.80, 0.62, 0.50), (0.74, 0.77, 0.76), (0.88, 0.80, 0.66),
+    (0.86, 0.82, 0.73), (0.90, 0.88, 0.84), (0.85, 0.74, 0.55),
+    (0.80, 0.62, 0.50), (0.74, 0.77, 0.76), (0.88, 0.80, 0.66),
 )  # fmt: skip
 BRICKS = ((0.55, 0.32, 0.25), (0.62, 0.42, 0.33), (0.50, 0.36, 0.31))
 
@@ -58,16 +59,20 @@ def paint_wall(
 def _surface(shape: tuple[int, int], style: WallStyle, rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     light = 1 + 0.035 * fractal(shape, [1, 2, 5], rng) + 0.04 * fractal(shape, [14, 40], rng)
     if style.brick:
-        row = np.arange(shape[0])[:, None] // 2
-        column = (np.arange(shape[1])[None, :] + row % 2 * 2) // 4
-        light = light + 0.13 * per_cell(*np.broadcast_arrays(row, column), rng)
+        y, x = np.indices(shape)
+        light = light + 0.13 * per_cell(y // 2, (x + y // 2 % 2 * 2) // 4, rng)
     up = np.arange(shape[0])[::-1, None] / PX_PER_M
     light = light - 0.16 * np.exp(-up / 0.5)  # splashes at the foot
     return np.array(style.colour, np.float32) * light[..., None]
 
 
 def _floor(
-    image: Float[np.ndarray, "h w 3"], width_m: float, floor: int, style: WallStyle, door: bool, rng: np.random.Generator
+    image: Float[np.ndarray, "h w 3"],
+    width_m: float,
+    floor: int,
+    style: WallStyle,
+    door: bool,
+    rng: np.random.Generator,
 ) -> None:
     window_w, window_h = style.window_m
     count = int((width_m - 0.8) / style.spacing_m)

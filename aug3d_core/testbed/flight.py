@@ -42,7 +42,10 @@ def _spread(room_m: float, step_m: float) -> Float[np.ndarray, " n"]:
 
 
 def _pose(
-    centre_in_world: Float[np.ndarray, " 3"], heading: Float[np.ndarray, " 3"], tilt_deg: float, rng: np.random.Generator
+    centre_in_world: Float[np.ndarray, " 3"],
+    heading: Float[np.ndarray, " 3"],
+    tilt_deg: float,
+    rng: np.random.Generator,
 ) -> Float[np.ndarray, "3 4"]:
     """Return `cam_from_world` of a camera with the heading at the top of its picture."""
     tilt = np.radians(tilt_deg)

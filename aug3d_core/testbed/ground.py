@@ -53,7 +53,7 @@ def paint_ground(plan: Plan, length_m: float, width_m: float, rng: np.random.Gen
 
 
 def _labels(plan: Plan, half_x: float, half_y: float, shape: tuple[int, int]) -> UInt8[np.ndarray, "h w"]:
-    image = Image.new("L", shape[::-1], int(Ground.MEADOW))
+    image = Image.new("L", (shape[1], shape[0]), int(Ground.MEADOW))
     draw = ImageDraw.Draw(image)
     for ground, corners in plan.paint:
         pixels = [((x + half_x) / (2 * half_x) * shape[1], (half_y - y) / (2 * half_y) * shape[0]) for x, y in corners]
@@ -91,7 +91,10 @@ def _pattern(kind: UInt8[np.ndarray, "h w"], pixel_m: float, rng: np.random.Gene
 
 
 def _wither(
-    image: Float[np.ndarray, "h w 3"], kind: UInt8[np.ndarray, "h w"], stains: Float[np.ndarray, "h w"], rng: np.random.Generator
+    image: Float[np.ndarray, "h w 3"],
+    kind: UInt8[np.ndarray, "h w"],
+    stains: Float[np.ndarray, "h w"],
+    rng: np.random.Generator,
 ) -> None:
     """Turn dry spots of grass yellow and strew flowers, in place."""
     grass = (kind == Ground.LAWN) | (kind == Ground.MEADOW)

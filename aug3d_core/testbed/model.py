@@ -1,4 +1,7 @@
-"""Triangles with texture, collected piece by piece. Lengths in metres, z up; corners run counter-clockwise seen from outside."""
+"""Triangles with texture, collected piece by piece.
+
+Lengths in metres, z up; corners run counter-clockwise seen from outside.
+"""
 
 from __future__ import annotations
 

@@ -46,7 +46,10 @@ def _exif(stamp: Stamp) -> Image.Exif:
     details[base.FocalLengthIn35mmFilm] = stamp.focal_35mm
     place = exif.get_ifd(ExifTags.IFD.GPSInfo)
     place[gps.GPSLatitudeRef], place[gps.GPSLatitude] = "N" if stamp.lat_deg >= 0 else "S", _sexagesimal(stamp.lat_deg)
-    place[gps.GPSLongitudeRef], place[gps.GPSLongitude] = "E" if stamp.lon_deg >= 0 else "W", _sexagesimal(stamp.lon_deg)
+    place[gps.GPSLongitudeRef], place[gps.GPSLongitude] = (
+        "E" if stamp.lon_deg >= 0 else "W",
+        _sexagesimal(stamp.lon_deg),
+    )
     place[gps.GPSAltitudeRef], place[gps.GPSAltitude] = b"\0", _rational(stamp.alt_m, 10**3)
     return exif
 

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ _PAVEMENT_M = 2.0
 _KERB_M = 0.18
 
 Corners = Sequence[tuple[float, float]]
+Roof = Literal["gable", "hip", "flat"]
+_HOUSE_ROOFS: tuple[Roof, ...] = ("gable", "gable", "hip", "hip", "flat")
 
 
 class Ground(IntEnum):
@@ -65,7 +68,7 @@ class Building:
     width_m: float
     depth_m: float
     eaves_m: float
-    roof: Literal["gable", "hip", "flat"]
+    roof: Roof
     pitch_deg: float
     use: Literal["house", "row", "flats", "hall", "shed"]
 
@@ -97,7 +100,9 @@ class Plan:
     def disc(self, ground: Ground, x: float, y: float, radius_m: float, squash: float = 1.0) -> None:
         """Paint a disc."""
         turn = np.linspace(0, 2 * np.pi, 28, endpoint=False)
-        self.paint.append((ground, list(zip(x + radius_m * np.cos(turn), y + radius_m * squash * np.sin(turn), strict=True))))
+        self.paint.append(
+            (ground, list(zip(x + radius_m * np.cos(turn), y + radius_m * squash * np.sin(turn), strict=True)))
+        )
 
     def strip(self, ground: Ground, start: tuple[float, float], end: tuple[float, float], width_m: float) -> None:
         """Paint a straight band."""
@@ -165,11 +170,7 @@ def _streets(extent_m: float, spacing_m: float, rng: np.random.Generator) -> lis
 
 
 def _blocks(length_m: float, width_m: float, across: list[Street], along: list[Street]) -> list[Rect]:
-    return [
-        Rect(x0, y0, x1, y1)
-        for x0, x1 in _between(length_m, across)
-        for y0, y1 in _between(width_m, along)
-    ]
+    return [Rect(x0, y0, x1, y1) for x0, x1 in _between(length_m, across) for y0, y1 in _between(width_m, along)]
 
 
 def _between(extent_m: float, streets: list[Street]) -> list[tuple[float, float]]:
@@ -220,7 +221,7 @@ def _furnish(
             _line_with_trees_and_cars(plan, street, (start, end), side, east, rng)
 
 
-def _crossing(rect, u: float, v: float, half: float, inward: int) -> None:  # noqa: ANN001 - a local painter
+def _crossing(rect: Callable[..., None], u: float, v: float, half: float, inward: int) -> None:
     """Paint a zebra crossing and a stop line at a street's mouth."""
     near, far = sorted((u + inward * 1.0, u + inward * 3.6))
     for w in np.arange(v - half + 0.4, v + half - 0.5, 1.0):
@@ -235,7 +236,9 @@ def _line_with_trees_and_cars(
     start, end = span
     for u in np.arange(start + 9, end - 8, 11.0):
         if rng.random() < 0.6:
-            x, y = (u, street.at + side * (street.half_m + 1.0)) if east else (street.at + side * (street.half_m + 1.0), u)
+            x, y = (
+                (u, street.at + side * (street.half_m + 1.0)) if east else (street.at + side * (street.half_m + 1.0), u)
+            )
             plan.rect(Ground.SOIL, x - 0.7, y - 0.7, x + 0.7, y + 0.7)
             plan.trees.append(Tree(x, y, rng.uniform(1.4, 2.3), rng.uniform(5, 7.5), "round"))
     for u in np.arange(start + 9, end - 9, 6.0):
@@ -258,7 +261,7 @@ def _houses(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
     middle = (block.y0 + block.y1) / 2
     lots = max(1, int((block.x1 - block.x0) / 15.5))
     edges = np.linspace(block.x0, block.x1, lots + 1)
-    for x0, x1 in zip(edges[:-1], edges[1:], strict=True):
+    for x0, x1 in pairwise(edges):
         for front, back in ((block.y0, middle), (block.y1, middle)):
             _house(plan, (x0, x1), front, back, rng)
         plan.hedges.append(Rect(x1 - 0.4, block.y0 + 4, x1 + 0.4, block.y1 - 4))
@@ -275,7 +278,7 @@ def _house(plan: Plan, span: tuple[float, float], front: float, back: float, rng
     turned = rng.random() < 0.35
     frame = Frame(x, y, rng.normal(0, 0.02) + (np.pi / 2 if turned else 0) + (np.pi if inward < 0 else 0))
     wide, deep = (depth, width) if turned else (width, depth)
-    roof = str(rng.choice(["gable", "gable", "hip", "hip", "flat"]))
+    roof = _HOUSE_ROOFS[rng.integers(len(_HOUSE_ROOFS))]
     pitch = rng.uniform(28, 42) if roof == "gable" else rng.uniform(22, 32)
     plan.buildings.append(Building(frame, wide, deep, rng.choice([3.2, 5.4, 5.8]), roof, pitch, "house"))
     drive = span[1] - 2.9
@@ -307,7 +310,9 @@ def _garden(plan: Plan, span: tuple[float, float], wall: float, back: float, rng
     for _ in range(rng.integers(2, 6)):
         y = rng.uniform(*sorted((wall + inward * 2.5, back - inward)))
         if rng.random() < 0.5:
-            plan.trees.append(Tree(rng.uniform(at, span[1] - 1), y, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.6), "bush"))
+            plan.trees.append(
+                Tree(rng.uniform(at, span[1] - 1), y, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.6), "bush")
+            )
         else:
             _tree(plan, rng.uniform(at, span[1] - 1), y, rng, (1.3, 2.5))
 
@@ -351,7 +356,13 @@ def _flats(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
     plan.strip(Ground.PAVEMENT, (x, block.y0 + 11), (x, y), 1.8)
     plan.strip(Ground.PAVEMENT, (block.x0, y - depth / 2 - 1.4), (block.x1, y - depth / 2 - 1.4), 1.5)
     for _ in range(7):
-        _tree(plan, rng.uniform(block.x0 + 2, block.x1 - 2), rng.uniform(block.y0 + 12, y - depth / 2 - 2), rng, (1.2, 1.9))
+        _tree(
+            plan,
+            rng.uniform(block.x0 + 2, block.x1 - 2),
+            rng.uniform(block.y0 + 12, y - depth / 2 - 2),
+            rng,
+            (1.2, 1.9),
+        )
     for side in (block.x0 + 1.8, block.x1 - 1.8):
         for _ in range(3):
             _tree(plan, side, rng.uniform(block.y0 + 13, block.y1 - 2), rng, (1.5, 2.4))

@@ -10,13 +10,25 @@ from jaxtyping import Float, UInt8
 from aug3d_core.testbed.noise import fractal, per_cell
 
 PX_PER_M = 14.0
-TILES = ((0.58, 0.30, 0.22), (0.64, 0.37, 0.27), (0.50, 0.27, 0.22), (0.36, 0.34, 0.34), (0.30, 0.31, 0.34), (0.45, 0.36, 0.30))
+TILES = (
+    (0.58, 0.30, 0.22),
+    (0.64, 0.37, 0.27),
+    (0.50, 0.27, 0.22),
+    (0.36, 0.34, 0.34),
+    (0.30, 0.31, 0.34),
+    (0.45, 0.36, 0.30),
+)
 Cover = Literal["tiles", "gravel", "metal"]
 _PANEL = (0.10, 0.13, 0.24)
 
 
 def paint_roof(
-    width_m: float, slope_m: float, cover: Cover, colour: tuple[float, float, float], flat_top_m: float, rng: np.random.Generator
+    width_m: float,
+    slope_m: float,
+    cover: Cover,
+    colour: tuple[float, float, float],
+    flat_top_m: float,
+    rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Paint one roof plane, the eaves at the last row; roof windows or solar panels keep within the ridge's length."""
     shape = (max(4, round(slope_m * PX_PER_M)), max(4, round(width_m * PX_PER_M)))
@@ -29,9 +41,8 @@ def paint_roof(
 
 
 def _tiles(shape: tuple[int, int], rng: np.random.Generator) -> Float[np.ndarray, "h w"]:
-    y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None, :]
-    row, column = y // 5, (x + y // 5 % 2 * 2) // 4
-    light = 1 + 0.13 * per_cell(*np.broadcast_arrays(row, column), rng) + 0.07 * fractal(shape, [1, 7, 30], rng)
+    y, x = np.indices(shape)
+    light = 1 + 0.13 * per_cell(y // 5, (x + y // 5 % 2 * 2) // 4, rng) + 0.07 * fractal(shape, [1, 7, 30], rng)
     return light - 0.20 * (y % 5 == 4) - 0.07 * (x % 4 == 0)
 
 
@@ -59,7 +70,10 @@ def _add_extras(image: Float[np.ndarray, "h w 3"], usable_px: int, rng: np.rando
         _solar(middle, rng)
     elif usable_px > 30:
         for _ in range(int(rng.integers(0, 3))):
-            y, x = int(rng.uniform(0.2, 0.6) * height), int((width - usable_px) / 2 + rng.uniform(0.05, 0.8) * usable_px)
+            y, x = (
+                int(rng.uniform(0.2, 0.6) * height),
+                int((width - usable_px) / 2 + rng.uniform(0.05, 0.8) * usable_px),
+            )
             image[y : y + 17, x : x + 13] = (0.80, 0.80, 0.80)
             image[y + 2 : y + 15, x + 2 : x + 11] = np.array([0.20, 0.26, 0.32]) + rng.uniform(-0.04, 0.15)
 

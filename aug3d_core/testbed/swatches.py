@@ -11,10 +11,18 @@ from aug3d_core.testbed.atlas import Atlas
 from aug3d_core.testbed.noise import fractal
 
 _CARS = (
-    (0.86, 0.86, 0.86), (0.74, 0.75, 0.77), (0.16, 0.16, 0.18), (0.36, 0.38, 0.41), (0.52, 0.13, 0.13), (0.17, 0.25, 0.42),
+    (0.86, 0.86, 0.86), (0.74, 0.75, 0.77), (0.16, 0.16, 0.18), (0.36, 0.38, 0.41), (0.52, 0.13, 0.13),
+    (0.17, 0.25, 0.42),
     (0.80, 0.80, 0.76), (0.22, 0.34, 0.30), (0.64, 0.60, 0.52), (0.08, 0.08, 0.09), (0.90, 0.90, 0.89),
 )  # fmt: skip
-_LEAVES = ((0.29, 0.38, 0.15), (0.35, 0.42, 0.17), (0.24, 0.34, 0.14), (0.40, 0.43, 0.18), (0.30, 0.36, 0.20), (0.45, 0.40, 0.16))
+_LEAVES = (
+    (0.29, 0.38, 0.15),
+    (0.35, 0.42, 0.17),
+    (0.24, 0.34, 0.14),
+    (0.40, 0.43, 0.18),
+    (0.30, 0.36, 0.20),
+    (0.45, 0.40, 0.16),
+)
 _NEEDLES = ((0.18, 0.28, 0.17), (0.21, 0.30, 0.21))
 
 
@@ -52,7 +60,9 @@ def add_swatches(atlas: Atlas, rng: np.random.Generator) -> Swatches:
     )
 
 
-def _swatch(colour: tuple[float, float, float], grain: float, px: int, rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
+def _swatch(
+    colour: tuple[float, float, float], grain: float, px: int, rng: np.random.Generator
+) -> UInt8[np.ndarray, "h w 3"]:
     light = 1 + grain * fractal((px, px), [1, 3, 9], rng)
     tint = 1 + 0.3 * grain * fractal((px, px), [5], rng)[..., None] * np.array([1.0, 0.2, -0.8])
     return np.rint(np.clip(np.array(colour) * light[..., None] * tint, 0, 1) * 255).astype(np.uint8)

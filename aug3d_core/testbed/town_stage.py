@@ -27,7 +27,7 @@ from aug3d_core.testbed.photo import Stamp, save_photo
 from aug3d_core.testbed.town import Town, build_town, coloured_mesh
 
 _SHEET = "photos.png"
-_START = datetime(2024, 6, 14, 10, 30)  # noqa: DTZ001 - EXIF times have no zone
+_START = datetime(2024, 6, 14, 10, 30)  # without a zone, as EXIF times are
 _LIGHT = Sunlit(sun_azimuth_deg=152, sun_elevation_deg=47)
 
 
@@ -63,10 +63,15 @@ def _shoot(
     town: Town, views: Views, stamps: list[Stamp], config: TownConfig, photos: Path, scratch: Path, progress: Progress
 ) -> int:
     """Render the shards that lack a photograph; return how many photographs were rendered."""
-    meshes = (_export(town.ground, town.ground_image, scratch / "ground"), _export(town.things, town.things_image, scratch / "things"))
+    meshes = (
+        _export(town.ground, town.ground_image, scratch / "ground"),
+        _export(town.things, town.things_image, scratch / "things"),
+    )
     cameras = scratch / "cameras.npz"
     world_from_cam = homogeneous(invert(views.cam_from_world))
-    np.savez(cameras, view_id=views.photo_id, world_from_cam=world_from_cam, intrinsics=views.intrinsics, size=views.size)
+    np.savez(
+        cameras, view_id=views.photo_id, world_from_cam=world_from_cam, intrinsics=views.intrinsics, size=views.size
+    )
     total, rendered = len(views), 0
     for first in range(0, total, config.photos_per_shard):
         last = min(first + config.photos_per_shard, total)
@@ -83,9 +88,7 @@ def _shoot(
     return rendered
 
 
-def _develop(
-    rgb: UInt8[np.ndarray, "n h w 3"], photo_ids: range, stamps: list[Stamp], seed: int, photos: Path
-) -> None:
+def _develop(rgb: UInt8[np.ndarray, "n h w 3"], photo_ids: range, stamps: list[Stamp], seed: int, photos: Path) -> None:
     for image, i in zip(rgb, photo_ids, strict=True):
         # A generator per photograph: its grain must not depend on which shards were rendered before.
         save_photo(photos / photo_name(i), image, stamps[i], np.random.default_rng([seed, i]))
@@ -112,7 +115,8 @@ def _write_truth(town: Town, views: Views, out: Path) -> None:
     coloured_mesh(town).save(out / layout.TRUTH_MESH)
     origin = dict(zip(("lat_deg", "lon_deg", "alt_m"), flight.ORIGIN_GEODETIC, strict=True))
     footprints = [
-        {"outline_m": np.round(f.outline_m, 3).tolist(), "height_m": round(f.height_m, 3), "use": f.use} for f in town.footprints
+        {"outline_m": np.round(f.outline_m, 3).tolist(), "height_m": round(f.height_m, 3), "use": f.use}
+        for f in town.footprints
     ]
     text = json.dumps({"origin": origin, "footprints": footprints}, indent=1)
     (out / layout.TRUTH_FOOTPRINTS).write_text(text)

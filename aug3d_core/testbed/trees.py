@@ -1,4 +1,4 @@
-"""Trees, bushes and hedges: a dark core with many small leaf cards about it, so that the outline is ragged as leaves are."""
+"""Trees, bushes and hedges: a core with many small leaf cards about it, so that the outline is as ragged as leaves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ def add_tree(model: Model, swatches: Swatches, tree: Tree, rng: np.random.Genera
     radii = np.array([tree.radius_m, tree.radius_m, half])
     if tree.kind != "bush":
         w = 0.06 * tree.radius_m + 0.06
-        model.box(Frame(tree.x, tree.y, 0.0), (-w, -w, -0.6), (w, w, bottom + half), swatches.bark, swatches.bark, taper=w / 3)
+        model.box(
+            Frame(tree.x, tree.y, 0.0), (-w, -w, -0.6), (w, w, bottom + half), swatches.bark, swatches.bark, taper=w / 3
+        )
     lumps = _Lumps(rng)
     _core(model, centre, radii, tree.kind, lumps, patch)
     _leaves(model, centre, radii, tree.kind, lumps, patch, rng)
@@ -56,7 +58,9 @@ def _core(model: Model, centre: np.ndarray, radii: np.ndarray, kind: str, lumps:
     ball = np.stack([np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)], axis=1)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(_CORE_RINGS), np.arange(_CORE_SIDES), indexing="ij"))
     a, b = i * _CORE_SIDES + j, i * _CORE_SIDES + (j + 1) % _CORE_SIDES
-    triangles = np.concatenate([np.stack([a, a + _CORE_SIDES, b + _CORE_SIDES], 1), np.stack([a, b + _CORE_SIDES, b], 1)])
+    triangles = np.concatenate(
+        [np.stack([a, a + _CORE_SIDES, b + _CORE_SIDES], 1), np.stack([a, b + _CORE_SIDES, b], 1)]
+    )
     uv = np.stack([p / np.pi, t / (2 * np.pi)], axis=1)
     model.add(centre + 0.82 * radii * _shape(ball, kind, lumps), triangles, patch, uv[triangles])
 
@@ -77,9 +81,11 @@ def _leaves(
     other /= np.linalg.norm(other, axis=1, keepdims=True)
     size = rng.uniform(0.12, 0.28, (count, 1)) * (0.7 + 0.12 * radii[0])
     square = np.array([(-1, -0.7), (1, -1), (0.8, 1), (-1, 0.8)])
-    vertices = at[:, None] + square[None, :, :1] * (side * size)[:, None] + square[None, :, 1:] * (other * size)[:, None]
-    first = 4 * np.arange(count)[:, None]
-    triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    vertices = (
+        at[:, None] + square[None, :, :1] * (side * size)[:, None] + square[None, :, 1:] * (other * size)[:, None]
+    )
+    square_of = 4 * np.arange(count)[:, None]
+    triangles = np.concatenate([square_of + np.array(corners) for corners in ((0, 1, 2), (0, 2, 3))])
     spot = rng.uniform(0.1, 0.9, (count, 1, 2)) + 0.09 * square[None]
     corner = np.concatenate([spot[:, [0, 1, 2]], spot[:, [0, 2, 3]]])
     model.add(vertices.reshape(-1, 3), triangles, patch, corner)

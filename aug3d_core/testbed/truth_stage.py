@@ -1,4 +1,4 @@
-"""Compare reconstructed poses with the true ones, after the similarity that best maps the one's camera centres to the other's."""
+"""Compare reconstructed poses with the true ones, after the similarity that best maps their camera centres."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Views
-from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 from aug3d_core.testbed.config import TruthConfig
 
@@ -22,19 +22,16 @@ _TABLE = "poses.parquet"
 def run(inputs: Inputs, config: TruthConfig, out: Path, progress: Progress) -> Outcome:
     """Measure how many photographs have a pose, and how far poses are from the truth."""
     found, truth = Views.load(inputs["sfm"] / layout.VIEWS), Views.load(inputs["town"] / layout.TRUTH_POSES)
-    metrics: dict[str, float] = {"registered_share": len(found) / len(truth)}
+    metrics: dict[str, Metric] = {"registered_share": len(found) / len(truth)}
     if len(found) < _FEWEST:
         return Outcome(
             metrics=metrics, state="degraded", notes=(f"only {len(found)} photographs have a pose: nothing to compare",)
         )
     errors = pose_errors(found, truth)
     errors.to_parquet(out / _TABLE)
-    metrics |= {
-        "position_error_pct": float(errors["position_error_pct"].median()),
-        "position_error_pct_max": float(errors["position_error_pct"].max()),
-        "rotation_error_deg": float(errors["rotation_error_deg"].median()),
-        "rotation_error_deg_max": float(errors["rotation_error_deg"].max()),
-    }
+    for name in ("position_error_pct", "rotation_error_deg"):
+        error = errors[name].to_numpy()
+        metrics |= {name: float(np.median(error)), f"{name}_max": float(error.max())}
     return Outcome(metrics=metrics)
 
 

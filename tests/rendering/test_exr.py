@@ -28,7 +28,9 @@ def exr(images: dict[str, np.ndarray], version: int = 2, compression: int = 0, p
 @pytest.fixture
 def images():
     rng = np.random.default_rng(0)
-    return {name: rng.normal(size=(HEIGHT, WIDTH)).astype("<f4") for name in ("V.Combined.A", "V.Combined.R", "V.Depth.Z")}
+    return {
+        name: rng.normal(size=(HEIGHT, WIDTH)).astype("<f4") for name in ("V.Combined.A", "V.Combined.R", "V.Depth.Z")
+    }
 
 
 def test_channels_come_back_as_written(tmp_path, images):

@@ -69,7 +69,7 @@ def test_shards_that_exist_are_not_rendered_again(rendered, tmp_path):
     first, table, _ = run(tmp_path)
     assert rendered == ["0000.npz", "0001.npz", "0002.npz"]
     (tmp_path / "out" / layout.SHARDS / "0001.npz").unlink()
-    second, again, _ = run(tmp_path)
+    _, again, _ = run(tmp_path)
     assert rendered[3:] == ["0001.npz"]
     pd.testing.assert_frame_equal(table, again)
     third, _, _ = run(tmp_path)

@@ -49,6 +49,8 @@ def test_poses_are_rigid_and_repeat():
     views, again = (plan_flight(config, np.random.default_rng(5)) for _ in range(2))
     np.testing.assert_array_equal(views.cam_from_world, again.cam_from_world)
     rotation = views.cam_from_world[:, :, :3]
-    np.testing.assert_allclose(rotation @ np.swapaxes(rotation, 1, 2), np.tile(np.eye(3), (len(views), 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        rotation @ np.swapaxes(rotation, 1, 2), np.tile(np.eye(3), (len(views), 1, 1)), atol=1e-12
+    )
     np.testing.assert_allclose(np.linalg.det(rotation), 1)
     assert views.photo_id.tolist() == list(range(len(views)))

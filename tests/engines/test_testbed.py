@@ -1,0 +1,106 @@
+"""The town stage with real Cycles, on a very small town."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.geometry.views import Views
+from aug3d_core.photos.exif import read_exif
+from aug3d_core.rendering.job import MeshFile, RenderJob
+from aug3d_core.rendering.launch import render
+from aug3d_core.store import layout
+from aug3d_core.testbed.config import TownConfig
+from aug3d_core.testbed.town_stage import photo_name, run
+
+CONFIG = TownConfig(length_m=70, width_m=70, altitude_m=45, width_px=320, samples=2, photos_per_shard=4)
+PHOTOS = 8
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("town")
+    outcome = run({}, CONFIG, out, lambda *_: None)
+    assert outcome.metrics["photos"] == PHOTOS and outcome.metrics["buildings"] > 5
+    assert (out / next(iter(outcome.pictures.values()))).exists()
+    return out
+
+
+def photo(town: Path, photo_id: int) -> np.ndarray:
+    with Image.open(town / layout.TOWN_PHOTOS / photo_name(photo_id)) as image:
+        return np.asarray(image.convert("L"), float)
+
+
+def test_photographs_and_truth_are_apart_and_complete(town):
+    names = sorted(p.name for p in (town / layout.TOWN_PHOTOS).iterdir())
+    assert names == [photo_name(i) for i in range(PHOTOS)]
+    views = Views.load(town / layout.TRUTH_POSES)
+    assert len(views) == PHOTOS and (views.size == [320, 240]).all()
+    footprints = json.loads((town / layout.TRUTH_FOOTPRINTS).read_text())
+    assert footprints["footprints"] and set(footprints["origin"]) == {"lat_deg", "lon_deg", "alt_m"}
+    times = []
+    for name in names:
+        with Image.open(town / layout.TOWN_PHOTOS / name) as image:
+            exif = read_exif(image)
+        assert exif.focal_px == pytest.approx(CONFIG.focal_px, rel=1e-3)
+        times.append(exif.time)
+    assert times == sorted(set(times))
+
+
+def test_photographs_are_well_exposed_and_full_of_detail(town):
+    for i in range(PHOTOS):
+        image = photo(town, i)
+        assert 60 < image.mean() < 170 and image.std() > 25
+        assert (image > 250).mean() < 0.02 and (image < 5).mean() < 0.05
+        assert np.abs(np.diff(image, axis=1)).mean() > 6
+
+
+def test_a_killed_run_continues_and_ends_in_the_same_bytes(town):
+    files = {p: p.read_bytes() for p in (town / layout.TOWN_PHOTOS).iterdir()}
+    truth = (town / layout.TRUTH_MESH).read_bytes()
+    lost = [town / layout.TOWN_PHOTOS / photo_name(i) for i in (5, 6)]
+    for path in lost:
+        path.unlink()
+    told = []
+    run({}, CONFIG, town, lambda *p: told.append(p))
+    assert [done for done, _, what in told if what == "photographs"] == [5, 6, 7, 8], (
+        "only the second shard is rendered"
+    )
+    assert {p: p.read_bytes() for p in (town / layout.TOWN_PHOTOS).iterdir()} == files
+    assert (town / layout.TRUTH_MESH).read_bytes() == truth
+
+
+def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_path):
+    views = Views.load(town / layout.TRUTH_POSES)
+    np.savez(
+        tmp_path / "cameras.npz",
+        view_id=views.photo_id,
+        world_from_cam=homogeneous(invert(views.cam_from_world)),
+        intrinsics=views.intrinsics,
+        size=views.size,
+    )
+    job = RenderJob(
+        meshes=(MeshFile(path=town / layout.TRUTH_MESH),),
+        cameras=tmp_path / "cameras.npz",
+        first=2,
+        last=3,
+        out=tmp_path / "0.npz",
+        samples=4,
+    )
+    render(job, lambda _: None)
+    with np.load(job.out) as shard:
+        seen, alpha = shard["rgb"][0].mean(axis=2), shard["alpha"][0]
+    assert (alpha == 255).all(), "photographs show nothing beyond the world's edge"
+    assert len(Mesh.load(town / layout.TRUTH_MESH).xyz) > 10_000
+    image, shifts = photo(town, 2), range(-6, 7)
+    middle = seen[10:-10, 10:-10].ravel()
+    fit = [
+        [np.corrcoef(np.roll(image, (dy, dx), (0, 1))[10:-10, 10:-10].ravel(), middle)[0, 1] for dx in shifts]
+        for dy in shifts
+    ]
+    best = np.unravel_index(np.argmax(fit), (13, 13))
+    assert np.abs(np.array(best) - 6).max() <= 1
