@@ -48,6 +48,11 @@ def allow_jobs() -> None:
     _stopping.clear()
 
 
+# OpenMP's threads wait for each other by spinning. Beside other work that made a training step 7 times slower (measured:
+# 8.3 s against 1.2 s on 2 busy cores); on idle cores sleeping costs nothing measurable.
+QUIET_THREADS = {"OMP_WAIT_POLICY": "PASSIVE"}
+
+
 def run_isolated(stage: Stage, folder: Path, progress: Progress) -> Cost:
     """Run `folder/job.json` and wait for it; raises StageFailed with the cause, the last log lines and the replay command."""
     for stale in (layout.ERROR, layout.OUTCOME, layout.PROGRESS):
@@ -60,7 +65,7 @@ def run_isolated(stage: Stage, folder: Path, progress: Progress) -> Cost:
             stdout=log,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            env={**os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"},
+            env={**QUIET_THREADS, **os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"},
         )
     try:
         peak_mib, verdict = _watch(process, stage, folder, started, progress)

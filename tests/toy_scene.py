@@ -60,10 +60,12 @@ def toy_world(rng: np.random.Generator, boxes: int = 24) -> ToyWorld:
     return ToyWorld(np.hstack([centre, half, height]), rng.uniform(0.05, 0.95, (32, 32, 16, 3)))
 
 
-def toy_scene(seed: int, width_px: int, height_px: int, members: int = 6, cells: int = 2) -> Scene:
+def toy_scene(
+    seed: int, width_px: int, height_px: int, members: int = 6, cells: int = 2, world: ToyWorld | None = None
+) -> Scene:
     """Fly a drone over a toy world (6 x 6 real views, its last two columns the test block) and render cells^2 domes."""
     rng = np.random.default_rng(seed)
-    world = toy_world(rng)
+    world = world or toy_world(rng)
     slab = Slab(0.0, 0.0, 0.0, -0.5, ROOF_M + 0.5)
     grid = np.linspace(-EXTENT_M / 2, EXTENT_M / 2, 6)
     look = np.array([(x, y, 0.0) for x in grid for y in grid]) + rng.uniform(-1, 1, (36, 3)) * [1, 1, 0]

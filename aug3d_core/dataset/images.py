@@ -1,6 +1,6 @@
 """The one colour and resize convention of packed views.
 
-Colours are 8-bit sRGB values as the photograph stores them; averages are taken over those values, not over linear light.
+Colours are 8-bit sRGB values as the photograph stores them; averages are over those values, not over linear light.
 A view is cropped around its centre to the packed aspect, then shrunk with an area filter (every source pixel counts by
 the share of it that the target pixel covers); never sharpened, never padded. Rendered colours are averaged weighted by
 alpha, depths over covered pixels alone. CONVENTION names all this in the store's attributes.

@@ -1,4 +1,4 @@
-"""Read a packed scene back, and refuse one that cannot be trusted. `zarr.open(path)` reads the same arrays without us."""
+"""Read a packed scene back, and refuse one that cannot be trusted. `zarr.open(path)` reads it without us."""
 
 from __future__ import annotations
 

@@ -36,8 +36,7 @@ class RealViews:
 def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> RealViews:
     """Shrink every registered photograph to packed size and measure its bounds."""
     views, points, tracks = (
-        cls.load(sfm / name)
-        for cls, name in ((Views, layout.VIEWS), (Points, layout.POINTS), (Tracks, layout.TRACKS))
+        cls.load(sfm / name) for cls, name in ((Views, layout.VIEWS), (Points, layout.POINTS), (Tracks, layout.TRACKS))
     )
     size = (config.width_px, config.height_px)
     fits = [fit(int(w), int(h), *size) for w, h in views.size]

@@ -41,9 +41,7 @@ def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, con
     order = np.argsort(cameras["view_id"])
     rows = order[np.searchsorted(cameras["view_id"], kept["view_id"].to_numpy(), sorter=order)]
     fits = [fit(int(w), int(h), config.width_px, config.height_px) for w, h in cameras["size"][rows]]
-    pixels = [
-        f.covered(*arrays) for f, arrays in zip(fits, _renders(rendering, kept), strict=True)
-    ]
+    pixels = [f.covered(*arrays) for f, arrays in zip(fits, _renders(rendering, kept), strict=True)]
     world_from_cam = cameras["world_from_cam"][rows].astype(np.float64)
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, cameras["intrinsics"][rows], strict=True)])
     size = (config.width_px, config.height_px)

@@ -81,6 +81,11 @@ def check(scene: Scene, name: str) -> Scene:
     if not np.all((near > 0) & (near < far) & np.isfinite(far)):
         view = int(np.flatnonzero(~((near > 0) & (near < far) & np.isfinite(far)))[0])
         raise InputError(f"{name}: view {view} has near {near[view]:g} and far {far[view]:g}", again)
+    for array in ("world_from_cam", "intrinsics"):
+        values = getattr(scene, array).reshape(len(scene), -1)
+        if not np.isfinite(values).all():
+            view = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+            raise InputError(f"{name}: {array} of view {view} is not finite", again)
     if not scene.slab.low < scene.slab.high:
         raise InputError(f"{name}: the slab's low {scene.slab.low:g} is not below its high {scene.slab.high:g}", again)
     for group, members in scene.groups.items():

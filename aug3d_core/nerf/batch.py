@@ -1,4 +1,4 @@
-"""What one training step sees: groups, some of their members as inputs, and rays of the others. All arrays are numpy."""
+"""What one training step sees: groups, some of their members as inputs, and rays of the others (all in numpy)."""
 
 from __future__ import annotations
 

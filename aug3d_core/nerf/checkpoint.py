@@ -59,5 +59,7 @@ def load_state(folder: Path) -> dict[str, Any] | None:
     try:
         return torch.load(path, weights_only=True)
     except (RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"checkpoint {path.name} is damaged ({reason})", f"delete {path} to train from the start") from error
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(
+            f"checkpoint {path.name} is damaged ({reason})", f"delete {path} to train from the start"
+        ) from error

@@ -32,7 +32,9 @@ class TrainingConfig(StageConfig):
     slab_bounds: bool = Field(True, description="Cut each ray to the layer between ground and roofs.")
     opaque_end: bool = Field(True, description="Let the last sample of a ray stop all light: below it is the ground.")
     coarse_samples: int = Field(16, ge=2, le=512, description="Stratified samples per ray, samples.")
-    fine_samples: int = Field(8, ge=0, le=512, description="Samples drawn where the coarse network saw matter, samples.")
+    fine_samples: int = Field(
+        8, ge=0, le=512, description="Samples drawn where the coarse network saw matter, samples."
+    )
     depth_samples: int = Field(4, ge=0, le=512, description="Samples drawn around the coarse depth, samples.")
     # How it is trained
     steps: int = Field(2000, ge=1, le=10_000_000, description="Training steps, steps.")

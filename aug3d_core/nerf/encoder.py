@@ -1,7 +1,7 @@
 """Input photographs -> feature maps.
 
-An encoder is a module with `channels` and `stride`; it maps images (b, 3, h, w) in [-1, 1] to maps (b, channels, h', w')
-in which the feature at column j stands for the image position stride * (j + 1/2) px, and likewise for rows. A second
+An encoder is a module with `channels` and `stride`; it maps images (b, 3, h, w) in [-1, 1] to maps (b, channels, h',
+w') in which the feature at column j stands for the image position stride * (j + 1/2) px, and likewise for rows. A second
 encoder is a second class and an entry in ENCODERS.
 """
 
@@ -30,7 +30,7 @@ class ResidualBlock(nn.Module):
 class SmallEncoder(nn.Module):
     """A residual encoder with maps at a half and a quarter of the image, both handed on at a half.
 
-    Kernels of 4 with stride 2 keep the stated alignment; there is no normalisation, so it is the same in training and use.
+    Kernels of 4 with stride 2 keep the stated alignment; without normalisation it is the same in training and in use.
     """
 
     stride = 2

@@ -29,7 +29,9 @@ def evaluate(
     """Predict the target of every test group; one row each with the scores of every answer."""
     test = scene.groups["test"]
     if not len(test):
-        raise InputError("the data set has no test group", "give the scene more photographs, so that some can be held out")
+        raise InputError(
+            "the data set has no test group", "give the scene more photographs, so that some can be held out"
+        )
     if config.input_views >= test.shape[1]:
         raise InputError(
             f"input_views = {config.input_views}, but a test group has {test.shape[1] - 1} support views",
@@ -40,14 +42,14 @@ def evaluate(
         target, inputs = int(members[0]), members[1 : 1 + config.input_views]
         prediction = predict(model, scene, target, inputs, config.rays_per_batch)
         answers = cheap_answers(scene, target, inputs)
-        rows.append({"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, prediction, answers))
+        rows.append(
+            {"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, prediction, answers)
+        )
         seen(group, prediction, answers)
     return pd.DataFrame(rows)
 
 
-def _scores(
-    scene: Scene, target: int, prediction: Prediction, answers: dict[str, np.ndarray]
-) -> dict[str, float]:
+def _scores(scene: Scene, target: int, prediction: Prediction, answers: dict[str, np.ndarray]) -> dict[str, float]:
     truth = scene.images[target]
     scores = {"psnr": psnr(truth, prediction.fine), "ssim": ssim(truth, prediction.fine)}
     scores["coarse_psnr"] = psnr(truth, prediction.coarse)

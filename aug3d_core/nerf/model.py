@@ -96,27 +96,23 @@ class PixelNeRF(nn.Module):
         )
         return Inputs(cameras, Place.of(scene), torch.cat([rgb, alpha], dim=2), coarse, fine, self.encoder.stride)
 
-    def forward(
-        self, inputs: Inputs, rays: TensorRays, noise: torch.Generator | None
-    ) -> tuple[Pixels, Pixels]:
+    def forward(self, inputs: Inputs, rays: TensorRays, noise: torch.Generator | None) -> tuple[Pixels, Pixels]:
         """Render rays coarsely and finely (r = g * rays per group); without noise, always the same."""
         near, far = rays.near.flatten(), rays.far.flatten()
         config = self.config
         t = sampling.stratified(near, far, _noise(len(near), config.coarse_samples, noise))
         coarse = self._shade(self.coarse, inputs.coarse, inputs, rays, t)
-        weights, borders = coarse.weights.detach(), sampling.edges(t, near, far)
+        # A network gone to NaN must show in the loss, where it is caught, and not as an index out of range here.
+        weights, depth = coarse.weights.detach().nan_to_num(), coarse.depth.detach().nan_to_num()
+        borders = sampling.edges(t, near, far)
         added = [
             sampling.by_importance(borders, weights, _noise(len(near), config.fine_samples, noise)),
-            sampling.around_depth(
-                coarse.depth.detach(), near, far, _noise(len(near), config.depth_samples, noise)
-            ),
+            sampling.around_depth(depth, near, far, _noise(len(near), config.depth_samples, noise)),
         ]
         t = torch.cat([t, *added], dim=1).sort(dim=1).values
         return coarse, self._shade(self.fine, inputs.fine, inputs, rays, t)
 
-    def _shade(
-        self, field: Field, maps: Tensor, inputs: Inputs, rays: TensorRays, t: Float[Tensor, "r s"]
-    ) -> Pixels:
+    def _shade(self, field: Field, maps: Tensor, inputs: Inputs, rays: TensorRays, t: Float[Tensor, "r s"]) -> Pixels:
         groups, count = rays.near.shape
         samples = t.shape[1]
         steps = t.reshape(groups, count, samples, 1)
@@ -131,9 +127,7 @@ class PixelNeRF(nn.Module):
         )
 
 
-def _look(
-    maps: Tensor, inputs: Inputs, points: Float[Tensor, "g p 3"], directions: Float[Tensor, "g p 3"]
-) -> Seen:
+def _look(maps: Tensor, inputs: Inputs, points: Float[Tensor, "g p 3"], directions: Float[Tensor, "g p 3"]) -> Seen:
     """Gather what the input views know of points."""
     cameras = inputs.cameras
     in_cam = cameras.points_in_cam(points)

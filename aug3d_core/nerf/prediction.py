@@ -35,7 +35,9 @@ def predict(model: PixelNeRF, scene: Scene, target: int, inputs: np.ndarray, ray
         parts.append((coarse.colour.numpy(), fine.colour.numpy(), fine.depth.numpy()))
     coarse_rgb, fine_rgb, depth = (np.concatenate(part) for part in zip(*parts, strict=True))
     shape = (scene.height_px, scene.width_px)
-    return Prediction(to_8_bit(coarse_rgb).reshape(*shape, 3), to_8_bit(fine_rgb).reshape(*shape, 3), depth.reshape(shape))
+    return Prediction(
+        to_8_bit(coarse_rgb).reshape(*shape, 3), to_8_bit(fine_rgb).reshape(*shape, 3), depth.reshape(shape)
+    )
 
 
 def to_8_bit(rgb: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n"]:

@@ -20,9 +20,7 @@ class Rays:
     far: Float[np.ndarray, " r"]
 
 
-def pixel_rays(
-    scene: Scene, view: Int[np.ndarray, " r"], xy_px: Float[np.ndarray, "r 2"], slab_bounds: bool
-) -> Rays:
+def pixel_rays(scene: Scene, view: Int[np.ndarray, " r"], xy_px: Float[np.ndarray, "r 2"], slab_bounds: bool) -> Rays:
     """Return the rays through given pixels (centres at half-integers) of given views."""
     pose = scene.world_from_cam[view]
     focal, principal = np.split(scene.intrinsics[view], 2, axis=1)

@@ -1,4 +1,4 @@
-"""Where along a ray to look. Samples are t values, sorted, between the ray's near and far; `noise` is uniform in [0, 1).
+"""Where along a ray to look. Samples are t values between the ray's near and far; `noise` is uniform in [0, 1).
 
 Training passes random noise; a whole view is rendered with noise 1/2 everywhere, so that it is the same every time.
 """

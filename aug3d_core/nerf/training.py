@@ -58,7 +58,7 @@ def train(
     run = _resume(config, checkpoints)
     while len(run.losses) < config.steps:
         start = time.monotonic()
-        _step(run, scene, config, len(run.losses))
+        take_step(run, scene, config, len(run.losses))
         run.seconds += time.monotonic() - start
         if len(run.losses) % config.checkpoint_every == 0:
             save_state(checkpoints, run.state(config))
@@ -90,7 +90,8 @@ def _resume(config: TrainingConfig, checkpoints: Path) -> Run:
     return run
 
 
-def _step(run: Run, scene: Scene, config: TrainingConfig, step: int) -> None:
+def take_step(run: Run, scene: Scene, config: TrainingConfig, step: int) -> None:
+    """Draw a batch, improve the model by it, and note its errors; raise InputError if they are not finite."""
     batch = draw(scene, config, np.random.default_rng([config.seed, step]))
     noise = torch.Generator().manual_seed(config.seed * 1_000_003 + step)
     for group in run.optimiser.param_groups:

@@ -43,7 +43,9 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
             "rays_per_second": round(rays / max(trained.seconds, 1e-9), 1),
             "parameters": sum(p.numel() for p in trained.model.parameters()),
         },
-        series={name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]},
+        series={
+            name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]
+        },
     )
 
 

@@ -41,7 +41,9 @@ def test_plain_zarr_reads_it_view_by_view(scene, store):
 def test_the_same_scene_has_the_same_bytes(scene, store, tmp_path):
     write(scene, tmp_path / "again.zarr", shard_views=16)
     files = sorted(path.relative_to(store) for path in store.rglob("*") if path.is_file())
-    assert files == sorted(p.relative_to(tmp_path / "again.zarr") for p in (tmp_path / "again.zarr").rglob("*") if p.is_file())
+    assert files == sorted(
+        p.relative_to(tmp_path / "again.zarr") for p in (tmp_path / "again.zarr").rglob("*") if p.is_file()
+    )
     assert all((store / name).read_bytes() == (tmp_path / "again.zarr" / name).read_bytes() for name in files)
 
 

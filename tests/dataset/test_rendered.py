@@ -13,19 +13,29 @@ CONFIG = DatasetConfig(width_px=WIDTH, height_px=HEIGHT)
 
 @pytest.fixture
 def stages(tmp_path):
-    """Three domes of four views in two shards; every pixel of a view holds its view_id; view_ids are shuffled on disk."""
+    """Three domes of four views in two shards; every pixel holds its view_id; view_ids are shuffled on disk."""
     (tmp_path / "shards").mkdir()
     ids = np.random.default_rng(0).permutation(DOMES * MEMBERS)
     pose = homogeneous(invert(look_at(np.array([0.0, 0, 50]), np.zeros(3))))
     poses = np.stack([pose + np.pad([[i]], ((0, 3), (3, 0))) for i in ids])
     lens, size = np.tile([10.0, 10, 6, 4], (len(ids), 1)), np.tile([WIDTH, HEIGHT], (len(ids), 1))
-    np.savez(tmp_path / "cameras.npz", view_id=ids, dome_id=ids // MEMBERS, world_from_cam=poses, intrinsics=lens, size=size)
+    np.savez(
+        tmp_path / "cameras.npz", view_id=ids, dome_id=ids // MEMBERS, world_from_cam=poses, intrinsics=lens, size=size
+    )
     rows = []
     for shard, part in enumerate(np.array_split(ids, 2)):
         rgb = np.tile(part[:, None, None, None].astype(np.uint8), (1, HEIGHT, WIDTH, 3))
         depth = np.full(rgb.shape[:3], 50, np.float16)
-        np.savez(tmp_path / f"shards/{shard:04d}.npz", view_id=part, rgb=rgb, alpha=np.full(rgb.shape[:3], 255, np.uint8), depth=depth)
-        rows += [{"view_id": i, "dome_id": i // MEMBERS, "shard": shard, "row": r, "kept": True} for r, i in enumerate(part)]
+        np.savez(
+            tmp_path / f"shards/{shard:04d}.npz",
+            view_id=part,
+            rgb=rgb,
+            alpha=np.full(rgb.shape[:3], 255, np.uint8),
+            depth=depth,
+        )
+        rows += [
+            {"view_id": i, "dome_id": i // MEMBERS, "shard": shard, "row": r, "kept": True} for r, i in enumerate(part)
+        ]
     pd.DataFrame(rows).to_parquet(tmp_path / "renders.parquet")
     return tmp_path
 
