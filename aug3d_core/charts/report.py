@@ -163,7 +163,7 @@ def _origin(records: Made, metrics: Mapping[str, Any]) -> str:
     heads = ("stage", "key", "digest of the files", "engines", "seed", "repeats exactly")
     config = json.dumps({stage.name: record.config for stage, record, _ in records}, indent=1)
     settings = tag("details", tag("summary", "All settings") + tag("pre", escape(config)))
-    raw = tag(
-        "details", tag("summary", "All figures (metrics.json)") + tag("pre", escape(json.dumps(metrics, indent=1)))
-    )
+    shareable = {name: value for name, value in metrics.items() if name != "paths"}  # the page travels, folders do not
+    figures = escape(json.dumps(shareable, indent=1))
+    raw = tag("details", tag("summary", "All figures (metrics.json)") + tag("pre", figures))
     return tag("h2", "Where this comes from") + table(heads, rows) + settings + raw

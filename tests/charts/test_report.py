@@ -50,6 +50,7 @@ def report(folder: Path, failure=None) -> str:
     metrics = scene_metrics(
         "scene & co", "tiny", "abc", 300.0, [(r, i == 0) for i, (_, r, _) in enumerate(records)], failure
     )
+    metrics["paths"] = {"report": str(folder)}
     write_report(records, metrics, folder / "report.html")
     return (folder / "report.html").read_text(encoding="utf-8")
 
