@@ -23,7 +23,7 @@ SFM = Stage("sfm", SfmConfig, ("photos",), "aug3d_core.sfm.stage:run", ("pycolma
 TRUTH = Stage("truth", TruthConfig, ("town", "sfm"), "aug3d_core.testbed.truth_stage:run", (), "position_error_pct")
 SIMILARITY = Stage("similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share")
 GROUPING = Stage("grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median")
-SURFACE = Stage("surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d", "pycolmap"), "render_psnr")
+SURFACE = Stage("surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr")
 SAMPLING = Stage("sampling", SamplingConfig, ("sfm", "grouping", "surface"), "aug3d_core.sampling.stage:run", ("open3d",), "views_planned")
 RENDERING = Stage("rendering", RenderingConfig, ("surface", "sampling"), "aug3d_core.rendering.stage:run", ("bpy",), "kept_share", resumable=True)
 DATASET = Stage("dataset", DatasetConfig, ("sfm", "grouping", "surface", "sampling", "rendering"), "aug3d_core.dataset.stage:run", ("zarr",), "views")

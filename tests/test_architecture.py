@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = ("aug3d_core", "tasks", "flows")
 DOORS = {
-    "pycolmap": {"aug3d_core/sfm", "aug3d_core/surface"},
+    "pycolmap": {"aug3d_core/sfm"},
     "open3d": {"aug3d_core/surface"},
     "bpy": {"aug3d_core/rendering"},
     "torch": {"aug3d_core/nerf"},

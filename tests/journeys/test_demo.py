@@ -1,0 +1,136 @@
+"""A stranger's first hour, on a very small town: run, run again, change a setting, kill it, run it again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from aug3d_core.stages import FROM_TOWN, STAGES
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
+
+# The smallest town that structure from motion still puts together, and a network that learns next to nothing.
+TOWN = [
+    "town.length_m=90", "town.width_m=60", "town.width_px=400", "town.samples=8", "town.photos_per_shard=6",
+    "sfm.max_features=2048", "grouping.k=4", "grouping.groups=8", "surface.vertex_budget=20000", "sampling.domes=2",
+    "rendering.views_per_shard=4", "rendering.samples=4", "training.steps=30", "training.checkpoint_every=10",
+]  # fmt: skip
+SETTINGS = [word for setting in TOWN for word in ("--set", setting)]
+
+
+def command(home: Path, *more: str) -> list[str]:
+    return [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *SETTINGS, *more]
+
+
+def run(home: Path, *more: str) -> dict[str, Any]:
+    done = subprocess.run(command(home, *more), capture_output=True, text=True)
+    assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
+    return json.loads(done.stdout)
+
+
+def digests(metrics: dict[str, Any]) -> dict[str, str]:
+    return {name: figures["digest"] for name, figures in metrics["stages"].items()}
+
+
+def computed(metrics: dict[str, Any]) -> set[str]:
+    return {name for name, figures in metrics["stages"].items() if not figures["cached"]}
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("demo")
+
+
+@pytest.fixture(scope="module")
+def first(home: Path) -> dict[str, Any]:
+    return run(home)
+
+
+def test_the_factory_ends_with_a_psnr_and_its_files(first: dict[str, Any]) -> None:
+    assert list(first["stages"]) == [stage.name for stage in FROM_TOWN]
+    assert computed(first) == set(first["stages"])
+    for name, figures in first["stages"].items():
+        assert figures["seconds"] > 0 and figures["peak_mib"] > 0
+        assert STAGES[name].accuracy in figures["metrics"], f"{name} reports its accuracy figure"
+    nvs = first["nvs"]
+    assert nvs["test_views"] >= 1 and 5 < nvs["test_psnr_mean"] < 60
+    low, high = nvs["test_psnr_ci"]
+    assert low <= nvs["test_psnr_mean"] <= high
+    assert set(nvs["cheap"]) == {"mean_colour", "nearest_copy", "ground_homography", "mesh_render"}
+    assert set(nvs["groups"]) == {"best", "low", "average"}
+    for place in ("metrics", "report"):
+        assert Path(first["paths"][place]).is_file()
+
+
+def test_reconstruction_is_right_to_the_truth(first: dict[str, Any]) -> None:
+    truth = first["stages"]["truth"]["metrics"]
+    assert truth["registered_share"] == 1
+    assert truth["position_error_pct"] < 1
+
+
+def test_show_tells_the_same(first: dict[str, Any], home: Path) -> None:
+    aug3d = str(Path(sys.executable).parent / "aug3d")
+    done = subprocess.run([aug3d, "show", "demo", "--json", "--home", str(home)], capture_output=True, text=True)
+    assert json.loads(done.stdout) == json.loads(Path(first["paths"]["metrics"]).read_text())
+    readable = subprocess.run([aug3d, "show", "demo", "--home", str(home)], capture_output=True, text=True)
+    assert "PixelNeRF" in readable.stdout and "report.html" in readable.stdout
+
+
+def test_mlflow_holds_the_run(first: dict[str, Any], home: Path) -> None:
+    code = (
+        "import sys, json; from mlflow.tracking import MlflowClient; c = MlflowClient(sys.argv[1]);"
+        "r = c.search_runs([c.get_experiment_by_name('demo').experiment_id], order_by=['start_time'])[0];"
+        "print(json.dumps([r.data.params, r.data.metrics, r.data.tags, [a.path for a in c.list_artifacts(r.info.run_id)],"
+        "len(c.get_metric_history(r.info.run_id, 'training.train_psnr'))]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, first["paths"]["mlflow"]], capture_output=True, text=True)
+    params, metrics, tags, artifacts, steps = json.loads(done.stdout)
+    assert params["training.steps"] == "30"
+    assert metrics["evaluation.test_psnr_mean"] == pytest.approx(first["nvs"]["test_psnr_mean"])
+    assert tags["scene"] == "demo" and tags["digest.dataset"] == first["stages"]["dataset"]["digest"]
+    assert {"report.html", "evaluation", "sfm"} <= set(artifacts)
+    assert steps > 1
+
+
+def test_a_second_run_computes_nothing(first: dict[str, Any], home: Path) -> None:
+    again = run(home)
+    assert computed(again) == set()
+    assert digests(again) == digests(first)
+
+
+def test_a_training_setting_runs_only_training_and_evaluation(first: dict[str, Any], home: Path) -> None:
+    changed = run(home, "--set", "training.steps=31")
+    assert computed(changed) == {"training", "evaluation"}
+
+
+def test_killed_at_many_moments_it_ends_in_the_same_digests(first: dict[str, Any], tmp_path: Path) -> None:
+    """SIGKILL the factory whenever one more stage has begun, until a run gets through."""
+    killed = 0
+    for stage in ("town", "sfm", "surface", "rendering", "training"):
+        factory = subprocess.Popen(command(tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        if wait_for_work(tmp_path, stage, factory):
+            time.sleep(1.0)
+            os.kill(factory.pid, signal.SIGKILL)
+            killed += 1
+        factory.wait()
+    assert killed >= 4
+    last = run(tmp_path)
+    same = {name for name, digest in digests(last).items() if digest == digests(first)[name]}
+    assert same >= {stage.name for stage in FROM_TOWN if stage.deterministic}
+    assert 0 < len(computed(last)) < len(FROM_TOWN), "what was finished before a kill was kept"
+
+
+def wait_for_work(home: Path, stage: str, factory: subprocess.Popen) -> bool:
+    while factory.poll() is None:
+        if list((home / "work" / stage).glob("*/log.txt")):
+            return True
+        time.sleep(0.05)
+    return False
