@@ -35,9 +35,8 @@ class RealViews:
 
 def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> RealViews:
     """Shrink every registered photograph to packed size and measure its bounds."""
-    views, points, tracks = (
-        cls.load(sfm / name) for cls, name in ((Views, layout.VIEWS), (Points, layout.POINTS), (Tracks, layout.TRACKS))
-    )
+    views, points = Views.load(sfm / layout.VIEWS), Points.load(sfm / layout.POINTS)
+    tracks = Tracks.load(sfm / layout.TRACKS)
     size = (config.width_px, config.height_px)
     fits = [fit(int(w), int(h), *size) for w, h in views.size]
     world_from_cam = homogeneous(invert(views.cam_from_world))

@@ -33,13 +33,11 @@ class RenderedViews:
 def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, config: DatasetConfig) -> RenderedViews:
     """Collect the kept renders of every dome that still has `members` of them."""
     table = pd.read_parquet(rendering / layout.RENDER_TABLE).sort_values(["dome_id", "view_id"])
-    kept = table[table["kept"]].groupby("dome_id").head(members)
-    whole = kept.groupby("dome_id")["view_id"].transform("size") == members
-    kept = kept[whole]
+    kept = _whole_domes(table, members)
     with np.load(sampling / layout.CAMERAS, allow_pickle=False) as file:
         cameras = {name: file[name] for name in ("view_id", "world_from_cam", "intrinsics", "size")}
     order = np.argsort(cameras["view_id"])
-    rows = order[np.searchsorted(cameras["view_id"], kept["view_id"].to_numpy(), sorter=order)]
+    rows = order[np.searchsorted(cameras["view_id"], np.asarray(kept["view_id"]), sorter=order)]
     fits = [fit(int(w), int(h), config.width_px, config.height_px) for w, h in cameras["size"][rows]]
     pixels = [f.covered(*arrays) for f, arrays in zip(fits, _renders(rendering, kept), strict=True)]
     world_from_cam = cameras["world_from_cam"][rows].astype(np.float64)
@@ -55,9 +53,17 @@ def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, con
         world_from_cam.reshape(-1, 4, 4),
         intrinsics.reshape(-1, 4),
         np.array(bounds).reshape(-1, 2),
-        kept["dome_id"].to_numpy(np.int32),
-        int(table["dome_id"].nunique() - kept["dome_id"].nunique()),
+        np.asarray(kept["dome_id"], np.int32),
+        len(np.unique(table["dome_id"])) - len(np.unique(kept["dome_id"])),
     )
+
+
+def _whole_domes(table: pd.DataFrame, members: int) -> pd.DataFrame:
+    """Return the first `members` kept views of each dome that has as many; the table is sorted by dome."""
+    seen = table[table["kept"]].copy()
+    _, first, size = np.unique(seen["dome_id"], return_index=True, return_counts=True)
+    rows = [np.arange(start, start + members) for start, n in zip(first, size, strict=True) if n >= members]
+    return seen.iloc[np.concatenate(rows) if rows else []]
 
 
 def _renders(rendering: Path, table: pd.DataFrame):

@@ -1,7 +1,7 @@
 """The slab: the layer between ground and roofs in which everything that a view shows lies.
 
 The ground is a plane z = a x + b y + c; a point's height is measured along z above it. The slab is the heights from
-`low` to `high`. A ray is origin + t direction; with directions whose camera z is 1, t is the distance along the camera's z.
+`low` to `high`. A ray is origin + t direction; where a direction's camera z is 1, t is the distance along that z.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Input photographs -> feature maps.
 
 An encoder is a module with `channels` and `stride`; it maps images (b, 3, h, w) in [-1, 1] to maps (b, channels, h',
-w') in which the feature at column j stands for the image position stride * (j + 1/2) px, and likewise for rows. A second
-encoder is a second class and an entry in ENCODERS.
+w') in which the feature at column j stands for the image position stride * (j + 1/2) px, and likewise for rows. A
+second encoder is a second class and an entry in ENCODERS.
 """
 
 from __future__ import annotations

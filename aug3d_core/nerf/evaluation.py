@@ -58,12 +58,13 @@ def _scores(scene: Scene, target: int, prediction: Prediction, answers: dict[str
     return scores
 
 
-def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float | int | bool]:
+def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
     """Return the figures that stand for the whole test: means with interval, groups, cheap answers."""
-    scores = table["psnr"].to_numpy()
-    groups = table.groupby("group")["psnr"].mean().to_numpy()
+    column = {name: np.asarray(table[name], float) for name in table.columns}
+    scores = column["psnr"]
+    groups = np.array([scores[column["group"] == group].mean() for group in np.unique(column["group"])])
     low, high = bootstrap(groups, config.resamples, np.random.default_rng(config.seed))
-    cheap = {f"cheap_{name}": float(table[f"{name}_psnr"].mean()) for name in CHEAP}
+    cheap = {f"cheap_{name}": float(column[f"{name}_psnr"].mean()) for name in CHEAP}
     figures = {
         "test_psnr_mean": float(scores.mean()),
         "test_psnr_ci_low": low,
@@ -72,13 +73,13 @@ def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float | 
         "test_psnr_p5": float(np.quantile(scores, 0.05)),
         "test_psnr_best": float(scores.max()),
         "test_psnr_worst": float(scores.min()),
-        "test_ssim_mean": float(table["ssim"].mean()),
-        "coarse_psnr_mean": float(table["coarse_psnr"].mean()),
+        "test_ssim_mean": float(column["ssim"].mean()),
+        "coarse_psnr_mean": float(column["coarse_psnr"].mean()),
         "group_best": float(groups.max()),
         "group_low": float(groups.min()),
         "group_average": float(groups.mean()),
         **cheap,
-        **{f"cheap_{name}_ssim": float(table[f"{name}_ssim"].mean()) for name in CHEAP},
+        **{f"cheap_{name}_ssim": float(column[f"{name}_ssim"].mean()) for name in CHEAP},
         "over_best_cheap_db": float(scores.mean() - max(cheap.values())),
     }
     return {"test_views": len(table)} | {name: round(value, 4) for name, value in figures.items()}
@@ -99,4 +100,4 @@ def psnr(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) 
 
 def ssim(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) -> float:
     """Return the mean structural similarity over channels, windows of 7 px."""
-    return float(structural_similarity(truth, answer, data_range=255, channel_axis=-1))
+    return float(np.asarray(structural_similarity(truth, answer, data_range=255, channel_axis=-1)))

@@ -41,13 +41,13 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     figures = summary(table, config)
     beaten = [name for name in CHEAP if figures["test_psnr_mean"] <= figures[f"cheap_{name}"]]
     return Outcome(
-        metrics=figures,
+        metrics=dict(figures),
         notes=tuple(_not_beaten(name, figures) for name in beaten),
         pictures=_draw(scene, config, table, kept, out) if config.panels else {},
     )
 
 
-def _not_beaten(name: str, figures: Mapping[str, float | int | bool]) -> str:
+def _not_beaten(name: str, figures: Mapping[str, float]) -> str:
     return (
         f"the model ({figures['test_psnr_mean']:.2f} dB) does not beat {name.replace('_', ' ')}"
         f" ({figures[f'cheap_{name}']:.2f} dB)"

@@ -30,7 +30,7 @@ def test_rays_enter_at_the_top_and_leave_at_the_bottom(seed):
     rng = np.random.default_rng(seed)
     slab = Slab(0.1, -0.05, 3.0, -1.0, 9.0)
     origins = rng.uniform([-20, -20, 40], [20, 20, 80], (50, 3))
-    directions = rng.normal([0, 0, -1], 0.3, (50, 3))
+    directions = rng.uniform([-0.6, -0.6, -1], [0.6, 0.6, -0.5], (50, 3))
     near, far = slab.span(origins, directions, np.full(50, 1e-3), np.full(50, 1e6))
     assert slab.height(origins + near[:, None] * directions) == pytest.approx(np.full(50, 9.0), abs=1e-6)
     assert slab.height(origins + far[:, None] * directions) == pytest.approx(np.full(50, -1.0), abs=1e-6)
