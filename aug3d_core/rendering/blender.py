@@ -113,8 +113,11 @@ def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
     # Under the sky every pixel uses the same few directions: the error of few samples then is no grain but a faint
     # overlay of sky shadows, the same in every view of a place. It is faster, too, and bpy ships without a denoiser.
     cycles.sampling_pattern, cycles.scrambling_distance = "TABULATED_SOBOL", 0.0 if sunlit else 1.0
-    # One bounce is what carries the sky's light; light from further bounces is the even `fill`.
+    # One bounce is what carries the sky's light; where it meets a surface, an estimate of that surface's light will do:
+    # a third faster than shading it, and the eye sees no difference.
     cycles.max_bounces = cycles.diffuse_bounces = 1 if sunlit else 0
+    cycles.use_fast_gi, cycles.fast_gi_method, cycles.ao_bounces_render = sunlit, "REPLACE", 1
+    cycles.use_light_tree = False  # made for many lamps
 
 
 def _add_mesh(scene: bpy.types.Scene, file: MeshFile, light: Emission | Sunlit) -> None:
@@ -180,6 +183,7 @@ def _add_sun_and_sky(scene: bpy.types.Scene, light: Sunlit) -> None:
     lamp.rotation_euler = (np.pi / 2 - elevation, 0.0, np.pi - azimuth)
     scene.collection.objects.link(lamp)
     scene.world = bpy.data.worlds.new("sky")
+    scene.world.light_settings.ao_factor = 1.0
     background = scene.world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (*light.sky_colour, 1.0)
     background.inputs["Strength"].default_value = light.sky_strength

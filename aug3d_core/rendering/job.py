@@ -30,11 +30,11 @@ class Sunlit(Frozen):
     sun_azimuth_deg: float = Field(description="Direction to the sun, clockwise from north (+y).")
     sun_elevation_deg: float = Field(gt=0, le=90, description="Height of the sun over the horizon.")
     sun_colour: tuple[float, float, float] = (1.0, 0.94, 0.84)
-    sun_strength: float = 3.5
+    sun_strength: float = 4.0
     sky_colour: tuple[float, float, float] = (0.62, 0.76, 1.0)
-    sky_strength: float = 0.34
+    sky_strength: float = 0.39
     fill: float = Field(
-        default=0.13, ge=0, description="Light that reaches every surface alike, for all later bounces."
+        default=0.15, ge=0, description="Light that reaches every surface alike, for all later bounces."
     )
 
 
@@ -55,4 +55,7 @@ class RenderJob(Frozen):
     out: Path
     samples: int = Field(ge=1)
     light: Emission | Sunlit = Field(default=Emission(), discriminator="kind")
+    depth: bool = Field(
+        default=True, description="Whether the shard holds depth, which costs a second render of a ray per pixel."
+    )
     seed: int = 0

@@ -4,7 +4,7 @@ A process per shard, because Blender's memory grows with every render and only i
 standard output, one line `view DONE TOTAL` each; all that Blender prints is sent to standard error.
 
 A shard holds, in the order of the camera file: view_id (n,), rgb (n,H,W,3) uint8 sRGB, alpha (n,H,W) uint8, and depth
-(n,H,W) float16: along z, in world units, 0 where empty.
+(n,H,W) float16: along z, in world units, 0 where empty - unless the job goes without.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import TextIO
 
 import numpy as np
 
+from aug3d_core.parent import SUPERVISED, die_with_parent
 from aug3d_core.rendering.blender import open_scene, render_colour, render_depth, set_camera
 from aug3d_core.rendering.job import RenderJob
 
@@ -30,23 +31,30 @@ def render_shard(job: RenderJob, progress: TextIO) -> None:
         }
     width, height = cameras["size"][0]
     total = len(cameras["view_id"])
-    rgb = np.empty((total, height, width, 3), np.uint8)
-    alpha = np.empty((total, height, width), np.uint8)
-    depth = np.empty((total, height, width), np.float16)
+    shard = {
+        "view_id": cameras["view_id"],
+        "rgb": np.empty((total, height, width, 3), np.uint8),
+        "alpha": np.empty((total, height, width), np.uint8),
+    }
+    if job.depth:
+        shard["depth"] = np.empty((total, height, width), np.float16)
     with tempfile.TemporaryDirectory() as scratch:
         for i in range(total):
             set_camera(cameras["world_from_cam"][i], cameras["intrinsics"][i], cameras["size"][i])
-            rgb[i], alpha[i] = render_colour(job, Path(scratch))
-            depth[i] = render_depth(Path(scratch))
+            shard["rgb"][i], shard["alpha"][i] = render_colour(job, Path(scratch))
+            if job.depth:
+                shard["depth"][i] = render_depth(Path(scratch))
             print("view", i + 1, total, file=progress, flush=True)
     part = job.out.with_suffix(".part")
     with part.open("wb") as file:
-        np.savez(file, view_id=cameras["view_id"], rgb=rgb, alpha=alpha, depth=depth)
+        np.savez(file, **shard)
     part.replace(job.out)
 
 
 def main() -> None:
     """Render the job named on the command line."""
+    if SUPERVISED in os.environ:
+        die_with_parent()
     job = RenderJob.model_validate_json(Path(sys.argv[1]).read_text())
     progress = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

@@ -48,10 +48,11 @@ def _gable(
         outline = [*ends, (side * x, 0, ridge), (side * x, -side * y, eaves)]
         model.polygon(b.frame, outline, patch, [(0, 0), (1, 0), (1, share), (0.5, 1), (0, share)])
     colour = _tile_colour(b, rng)
+    dormers = b.use == "row" and ridge - eaves >= 3.2 and rng.random() < 0.55
+    usable = 0.0 if b.use == "shed" or dormers else 2 * x - 1
     low, out = eaves - _EAVES_OUT * slope + 0.06, y + _EAVES_OUT
     ex = x + _VERGE_OUT if b.use != "row" else x
     for side in (1, -1):
-        usable = 0.0 if b.use == "shed" else 2 * ex - 1
         patch = atlas.add(paint_roof(2 * ex, float(np.hypot(out, ridge - low)), "tiles", colour, usable, rng))
         top = ridge + 0.06
         plane = [
@@ -63,7 +64,7 @@ def _gable(
         model.polygon(b.frame, plane, patch)
     if b.use != "shed":
         _chimneys(model, swatches, b, ridge, rng)
-    if b.use == "row":
+    if dormers:
         lid = atlas.add(paint_roof(1.8, 2.4, "tiles", colour, 0.0, rng))
         _dormers(model, atlas, (swatches.metal, lid), b, slope, ridge, style, rng)
     return ridge
@@ -146,8 +147,6 @@ def _dormers(
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Let windows stand out of a steep roof, with cheeks and a tiled lid (`patches`) that slopes back to the ridge."""
-    if rng.random() < 0.45 or ridge - b.eaves_m < 3.2:
-        return
     cheek, lid = patches
     count = 2 if b.width_m > 7.5 else 1
     front, foot = -(b.depth_m / 2 - 0.9), b.eaves_m + 0.9 * slope

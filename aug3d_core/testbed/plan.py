@@ -122,9 +122,9 @@ class Street(NamedTuple):
 def make_plan(length_m: float, width_m: float, rng: np.random.Generator) -> Plan:
     """Lay out streets and fill every block between them."""
     plan = Plan()
-    _country(plan, length_m, width_m, rng)
     across = _streets(length_m, 50.0, rng)  # run north-south, at these x
     along = _streets(width_m, 40.0, rng)  # run east-west, at these y
+    _country(plan, length_m, width_m, across, along, rng)
     blocks = _blocks(length_m, width_m, across, along)
     for block in blocks:
         plan.rect(Ground.LAWN, *block)
@@ -134,24 +134,37 @@ def make_plan(length_m: float, width_m: float, rng: np.random.Generator) -> Plan
     return plan
 
 
-def _country(plan: Plan, length_m: float, width_m: float, rng: np.random.Generator) -> None:
-    """Fields and woods around the town."""
+def _country(
+    plan: Plan, length_m: float, width_m: float, across: list[Street], along: list[Street], rng: np.random.Generator
+) -> None:
+    """Surround the town with fields, meadows and woods, and keep its streets' ends free."""
     x, y = length_m / 2, width_m / 2
+
+    def trees(count: int, x0: float, x1: float, y0: float, y1: float) -> None:
+        for _ in range(count):
+            at = rng.uniform(x0, x1), rng.uniform(y0, y1)
+            if not (_on_street(at[0], across) or _on_street(at[1], along)):
+                _tree(plan, *at, rng, (2.0, 4.0))
+
     for side in (-1, 1):
         for start in np.arange(-x - MARGIN_M, x + MARGIN_M, 38.0):
             kind = Ground.FIELD if rng.random() < 0.45 else Ground.FOREST if rng.random() < 0.3 else Ground.MEADOW
             near, far = sorted((side * (y + 7), side * (y + MARGIN_M)))
             end = min(start + 37, x + MARGIN_M)
             plan.rect(kind, start, near, end, far)
-            for _ in range(16 if kind == Ground.FOREST else 3 if kind == Ground.MEADOW else 0):
-                _tree(plan, rng.uniform(start, end), rng.uniform(near, far), rng, (2.0, 4.0))
-            plan.hedges.append(Rect(end - 0.7, near, end + 0.7, far))
-        for _ in range(22):
-            _tree(plan, side * rng.uniform(x + 4, x + MARGIN_M), rng.uniform(-y, y), rng, (2.0, 4.0))
+            trees({Ground.FOREST: 16, Ground.MEADOW: 3}.get(kind, 0), start, end, near, far)
+            if not _on_street(end, across):
+                plan.hedges.append(Rect(end - 0.7, near, end + 0.7, far))
+        low, high = sorted((side * (x + 4), side * (x + MARGIN_M)))
+        trees(22, low, high, -y, y)
         track = side * (x + rng.uniform(14, 20))
         plan.rect(Ground.GRAVEL, track, -y - MARGIN_M, track + 2.4, y + MARGIN_M)
         low, high = sorted((track + side * 6, track + side * 32))
         plan.rect(Ground.FIELD, low, -y * 0.8, high, -2)
+
+
+def _on_street(at: float, streets: list[Street]) -> bool:
+    return any(abs(at - s.at) < s.half_m + 1.5 for s in streets)
 
 
 def _tree(plan: Plan, x: float, y: float, rng: np.random.Generator, radius_m: tuple[float, float]) -> None:

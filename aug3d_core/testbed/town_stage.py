@@ -79,7 +79,7 @@ def _shoot(
             continue
         job = RenderJob(
             meshes=meshes, cameras=cameras, first=first, last=last, out=scratch / layout.shard_name(first),
-            samples=config.samples, light=_LIGHT, seed=config.seed,
+            samples=config.samples, light=_LIGHT, depth=False, seed=config.seed,
         )  # fmt: skip
         render(job, lambda done, first=first: progress(first + done, total, "photographs"))
         with np.load(job.out) as shard:

@@ -30,12 +30,14 @@ def test_buildings_do_not_stand_in_each_other(plan):
         assert all(apart(a, b) for b in outlines[:i])
 
 
-def test_buildings_keep_off_the_streets(plan):
+def test_nothing_stands_on_the_streets(plan):
     """The long bands of asphalt that reach into the country are the streets."""
     streets = [np.array(c) for ground, c in plan.paint if ground == Ground.ASPHALT and np.ptp(c, axis=0).max() > 220]
     assert streets
-    for building in plan.buildings:
-        assert all(apart(corners(building), street) for street in streets)
+    outlines = [corners(b) for b in plan.buildings] + [np.array(h.corners) for h in plan.hedges]
+    outlines += [np.array([[t.x, t.y], [t.x + 0.1, t.y], [t.x, t.y + 0.1]]) for t in plan.trees]
+    for outline in outlines:
+        assert all(apart(outline, street) for street in streets)
 
 
 def test_everything_stands_on_the_ground(plan):
