@@ -1,0 +1,154 @@
+"""The stage `dataset` on a toy scene written as the outputs of the stages before it."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+from toy_scene import EXTENT_M, ROOF_M, toy_scene
+
+from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.dataset.reader import read
+from aug3d_core.dataset.scene import RENDERED, SPLITS
+from aug3d_core.dataset.stage import run
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.transforms import apply, homogeneous, invert
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.store import layout
+
+WIDTH, HEIGHT, REAL = 24, 16, 36
+CONFIG = DatasetConfig(width_px=WIDTH, height_px=HEIGHT)
+
+
+def silent(done: int, total: int, what: str) -> None:
+    """Take no notice."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, WIDTH, HEIGHT)
+
+
+@pytest.fixture
+def inputs(scene, tmp_path):
+    folders = {name: tmp_path / name for name in ("sfm", "grouping", "surface", "sampling", "rendering")}
+    for folder in folders.values():
+        folder.mkdir()
+    write_sfm(scene, folders["sfm"])
+    write_grouping(scene, folders["grouping"])
+    write_surface(scene, folders["surface"])
+    write_renders(scene, folders["sampling"], folders["rendering"])
+    (tmp_path / "out").mkdir()
+    return folders
+
+
+def write_sfm(scene, folder: Path) -> None:
+    poses, size = invert(scene.world_from_cam[:REAL, :3]), np.tile([WIDTH, HEIGHT], (REAL, 1))
+    views = Views(np.arange(REAL), poses, scene.intrinsics[:REAL], size)
+    views.save(folder / layout.VIEWS)
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack(
+        [rng.uniform(-EXTENT_M, EXTENT_M, (500, 2)), rng.uniform(0, ROOF_M, 500) * (rng.random(500) < 0.3)]
+    )
+    Points(xyz, np.zeros((500, 3), np.uint8), np.zeros(500)).save(folder / layout.POINTS)
+    point, view = (grid.ravel() for grid in np.meshgrid(np.arange(500), np.arange(REAL)))
+    ahead = np.array([apply(poses[v], xyz[p : p + 1])[0, 2] > 0 for p, v in zip(point, view, strict=True)])
+    Tracks(point[ahead], view[ahead], np.zeros((ahead.sum(), 2))).save(folder / layout.TRACKS)
+    (folder / layout.VIEW_IMAGES).mkdir()
+    for i in range(REAL):
+        Image.fromarray(scene.images[i]).save(folder / layout.VIEW_IMAGES / layout.image_name(i))
+
+
+def write_grouping(scene, folder: Path) -> None:
+    roles = [SPLITS[code] for code in scene.splits[:REAL]]
+    table = pd.DataFrame({"view": np.arange(REAL), "photo_id": np.arange(REAL), "role": roles})
+    table.to_parquet(folder / layout.SPLIT_TABLE)
+    np.savez(folder / layout.GROUPS, members=scene.groups["real"], test_members=scene.groups["test"])
+
+
+def write_surface(scene, folder: Path) -> None:
+    (folder / layout.MESH).write_text("no stage after rendering looks into it")
+    (folder / layout.BASELINE_RENDERS).mkdir()
+    for view, rgb, alpha in zip(scene.baseline_view, scene.baseline_images, scene.baseline_alpha, strict=True):
+        image = Image.fromarray(np.dstack([rgb, alpha]))
+        image.save(folder / layout.BASELINE_RENDERS / layout.image_name(int(view)))
+
+
+def write_renders(scene, sampling: Path, rendering: Path) -> None:
+    rows = np.flatnonzero(scene.source == RENDERED)
+    ids = np.arange(len(rows))
+    np.savez(
+        sampling / layout.CAMERAS,
+        view_id=ids,
+        dome_id=scene.dome_id[rows],
+        world_from_cam=homogeneous(scene.world_from_cam[rows, :3]),
+        intrinsics=scene.intrinsics[rows],
+        size=np.tile([WIDTH, HEIGHT], (len(rows), 1)),
+    )
+    (rendering / layout.SHARDS).mkdir()
+    arrays = {"view_id": ids, "rgb": scene.images[rows], "alpha": scene.alpha[rows], "depth": scene.depth[rows]}
+    np.savez(rendering / layout.SHARDS / layout.shard_name(0), **arrays)
+    table = pd.DataFrame({"view_id": ids, "dome_id": scene.dome_id[rows], "shard": 0, "row": ids, "kept": True})
+    table.to_parquet(rendering / layout.RENDER_TABLE)
+
+
+def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
+    outcome = run(inputs, CONFIG, tmp_path / "out", silent)
+    packed = read(tmp_path / "out" / layout.SCENE_ZARR)
+    for name in ("images", "alpha", "depth", "source", "photo_id", "dome_id", "splits", "baseline_images"):
+        assert np.array_equal(getattr(packed, name), getattr(scene, name)), name
+    assert np.allclose(packed.world_from_cam, scene.world_from_cam)
+    assert np.allclose(packed.intrinsics, scene.intrinsics)
+    for name, members in scene.groups.items():
+        assert np.array_equal(packed.groups[name], members), name
+    assert outcome.metrics["real"] == REAL
+    assert outcome.metrics["rendered"] == len(scene) - REAL
+    assert outcome.metrics["leak_audit"] == packed.attributes["leak_audit"] == "pass"
+    assert (tmp_path / "out/contact_sheet.png").is_file()
+
+
+def test_the_slab_and_bounds_hold_the_scene(scene, inputs, tmp_path):
+    run(inputs, CONFIG, tmp_path / "out", silent)
+    packed = read(tmp_path / "out" / layout.SCENE_ZARR)
+    assert packed.slab.low < 0
+    assert ROOF_M * 0.95 < packed.slab.high < ROOF_M * 1.3
+    rendered = packed.source == RENDERED
+    depth = packed.depth[rendered].astype(float).reshape(rendered.sum(), -1)
+    assert (packed.near_far[rendered, 0] < depth.min(axis=1) + 1).all()
+    assert (packed.near_far[rendered, 1] > depth.max(axis=1) - 1).all()
+
+
+def test_packing_repeats_to_the_byte(inputs, tmp_path):
+    (tmp_path / "again").mkdir()
+    run(inputs, CONFIG, tmp_path / "out", silent)
+    run(inputs, CONFIG, tmp_path / "again", silent)
+    for one in (path for path in (tmp_path / "out").rglob("*") if path.is_file()):
+        assert one.read_bytes() == (tmp_path / "again" / one.relative_to(tmp_path / "out")).read_bytes()
+
+
+def test_without_a_whole_dome_the_set_is_degraded_and_says_so(inputs, tmp_path):
+    table = pd.read_parquet(inputs["rendering"] / layout.RENDER_TABLE)
+    table.assign(kept=False).to_parquet(inputs["rendering"] / layout.RENDER_TABLE)
+    outcome = run(inputs, CONFIG, tmp_path / "out", silent)
+    assert outcome.state == "degraded"
+    assert outcome.metrics["rendered"] == 0
+    assert outcome.metrics["domes_dropped"] == 4
+    assert any("photographs alone" in note for note in outcome.notes)
+
+
+def test_a_leak_stops_the_stage_and_names_the_view(scene, inputs, tmp_path):
+    target = int(scene.groups["test"][0, 0])
+    members = scene.groups["real"].copy()
+    members[0, 1] = target
+    np.savez(inputs["grouping"] / layout.GROUPS, members=members, test_members=scene.groups["test"])
+    with pytest.raises(InputError, match=f"holds target view {target}"):
+        run(inputs, CONFIG, tmp_path / "out", silent)
+    assert not (tmp_path / "out" / layout.SCENE_ZARR).exists()
+
+
+def test_a_split_of_other_views_is_refused(inputs, tmp_path):
+    table = pd.read_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
+    table.iloc[:-1].to_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
+    with pytest.raises(InputError, match=r"split\.parquet has 35 rows for 36 views"):
+        run(inputs, CONFIG, tmp_path / "out", silent)
