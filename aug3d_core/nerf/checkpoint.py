@@ -39,7 +39,8 @@ def load_model(folder: Path) -> PixelNeRF:
     except (SafetensorError, ValueError, KeyError, TypeError, ValidationError) as error:
         raise InputError(f"{layout.MODEL_WEIGHTS} or {layout.MODEL_CONFIG} is damaged ({error})", AGAIN) from error
     except RuntimeError as error:
-        raise InputError(f"{layout.MODEL_WEIGHTS} belongs to another network ({error})", AGAIN) from error
+        missing = " ".join(str(error).splitlines()[1:2]).strip()[:200]
+        raise InputError(f"{layout.MODEL_WEIGHTS} belongs to another network: {missing}", AGAIN) from error
     return model.eval()
 
 

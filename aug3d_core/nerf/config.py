@@ -44,13 +44,13 @@ class TrainingConfig(StageConfig):
     opaque_end: bool = Field(
         default=True, description="Let the last sample of a ray stop all light: below it is the ground."
     )
-    coarse_samples: int = Field(default=16, ge=2, le=512, description="Stratified samples per ray, samples.")
+    coarse_samples: int = Field(default=8, ge=2, le=512, description="Stratified samples per ray, samples.")
     fine_samples: int = Field(
         default=8, ge=0, le=512, description="Samples drawn where the coarse network saw matter, samples."
     )
     depth_samples: int = Field(default=4, ge=0, le=512, description="Samples drawn around the coarse depth, samples.")
     # How it is trained
-    steps: int = Field(default=2000, ge=1, le=10_000_000, description="Training steps, steps.")
+    steps: int = Field(default=1200, ge=1, le=10_000_000, description="Training steps, steps.")
     learning_rate: float = Field(default=1e-3, gt=0, le=0.1, description="Adam's peak learning rate, 1.")
     final_rate_share: float = Field(
         default=0.05, gt=0, le=1, description="Last learning rate as a share of the peak, 1."
