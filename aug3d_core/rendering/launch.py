@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import subprocess
 import sys
@@ -23,7 +25,7 @@ def render(job: RenderJob, on_view: Callable[[int], None]) -> None:
     """Render a job's shard; `on_view(done)` is called after each view.
 
     The worker stays in this process's group, so that whoever kills the stage kills it too. Raises WorkerDied with the
-    last lines that it logged.
+    last lines that it logged, or OSError when the disk is full.
     """
     with tempfile.TemporaryDirectory() as folder:
         job_file, log_file = Path(folder) / "job.json", Path(folder) / "log.txt"
@@ -34,12 +36,14 @@ def render(job: RenderJob, on_view: Callable[[int], None]) -> None:
                 for line in worker.stdout or ():
                     on_view(int(line.split()[1]))
         if worker.returncode or not job.out.exists():
-            raise WorkerDied(_obituary(job, worker.returncode, log_file), _remedy(worker.returncode))
+            tail = log_file.read_text(errors="replace").splitlines()[-_TAIL_LINES:]
+            if any(os.strerror(errno.ENOSPC) in line for line in tail):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(job.out))
+            raise WorkerDied(_obituary(job, worker.returncode, tail), _remedy(worker.returncode))
 
 
-def _obituary(job: RenderJob, code: int, log_file: Path) -> str:
+def _obituary(job: RenderJob, code: int, tail: list[str]) -> str:
     how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-    tail = log_file.read_text(errors="replace").splitlines()[-_TAIL_LINES:]
     return "\n".join([f"the render worker of {job.out.name} ended with {how}; it last said:", *tail])
 
 
