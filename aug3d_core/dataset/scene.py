@@ -91,4 +91,7 @@ def check(scene: Scene, name: str) -> Scene:
     for group, members in scene.groups.items():
         if members.size and not (members.min() >= 0 and members.max() < len(scene)):
             raise InputError(f"{name}: groups/{group} names a view beyond the {len(scene)} there are", again)
+    bare = np.setdiff1d(scene.groups["test"][:, :1], scene.baseline_view)
+    if len(bare):
+        raise InputError(f"{name}: test view {bare[0]} has no mesh render beside it", again)
     return scene

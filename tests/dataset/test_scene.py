@@ -27,6 +27,11 @@ def test_a_group_with_a_view_that_is_not_there_is_refused(scene):
         check(replace(scene, groups=groups), "scene.zarr")
 
 
+def test_a_target_without_a_mesh_render_is_refused(scene):
+    with pytest.raises(InputError, match=f"test view {scene.baseline_view[-1]} has no mesh render"):
+        check(replace(scene, baseline_view=scene.baseline_view[:-1]), "scene.zarr")
+
+
 def test_an_honest_scene_does_not_leak(scene):
     assert leaks(scene) == []
 
