@@ -12,10 +12,10 @@ class SfmConfig(StageConfig):
 
     max_features: int = Field(default=4096, ge=256, le=65536, description="Most keypoints per photograph (SIFT).")
     exhaustive_limit: int = Field(
-        default=150,
+        default=40,
         ge=2,
         le=100_000,
-        description="With GPS, compare all pairs up to this many photographs, neighbours above.",
+        description="With GPS, compare all pairs up to this many photographs, else neighbours.",
     )
     neighbours: int = Field(
         default=20, ge=2, le=1000, description="Nearest photographs by GPS that each one is compared with."
@@ -24,7 +24,7 @@ class SfmConfig(StageConfig):
 
 
 PRESETS: dict[str, SfmConfig] = {
-    "tiny": SfmConfig(),
-    "small": SfmConfig(max_features=8192),
+    "tiny": SfmConfig(neighbours=16),
+    "small": SfmConfig(max_features=8192, neighbours=24),
     "paper": SfmConfig(max_features=8192, neighbours=50),
 }
