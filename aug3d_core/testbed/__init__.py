@@ -2,11 +2,12 @@
 
 * `config`      size, flight and camera of the town
 * `noise`       fractal noise and other texture grain
-* `plan`        streets, blocks and lots, and what stands on them
+* `plan`, `planning`, `streets`, `blocks`   what stands where
 * `ground`      the painted ground
 * `atlas`, `model`   texture patches, and triangles that point into them
-* `facades`, `roofs`, `buildings`, `trees`, `cars`   what stands on the ground
+* `swatches`, `facades`, `roofs`, `buildings`, `trees`, `cars`   what stands on the ground
 * `town`        all of it together, bent over gentle hills
 * `flight`, `photo`   where the drone was, and the JPEG it wrote
+* `toy`         a scene of boxes, ray-cast in numpy, for tests of the data set and the model
 * `town_stage`  render the flight; `truth_stage` compare reconstructed poses with the true ones
 """

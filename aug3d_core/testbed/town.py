@@ -13,7 +13,8 @@ from aug3d_core.testbed.buildings import add_building
 from aug3d_core.testbed.cars import add_car
 from aug3d_core.testbed.ground import GroundPicture, paint_ground
 from aug3d_core.testbed.model import Model, TexturedMesh
-from aug3d_core.testbed.plan import Building, make_plan
+from aug3d_core.testbed.plan import Building
+from aug3d_core.testbed.planning import make_plan
 from aug3d_core.testbed.swatches import add_swatches
 from aug3d_core.testbed.trees import add_hedge, add_tree
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from aug3d_core.testbed.plan import MARGIN_M, Building, Ground, Plan, make_plan
+from aug3d_core.testbed.plan import MARGIN_M, Building, Ground, Plan
+from aug3d_core.testbed.planning import make_plan
 
 
 @pytest.fixture(scope="module", params=[0, 7, 11])
