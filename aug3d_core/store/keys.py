@@ -38,7 +38,7 @@ def engine_versions(stage: Stage) -> dict[str, str]:
 
 @lru_cache
 def code_digest(module: str) -> str:
-    """Hash a module and every `aug3d_core` module it imports, at any depth. Comments and layout do not count."""
+    """Hash a module and every `aug3d_core` module it imports, at any depth. Comments, docstrings and layout do not count."""
     sources = {name: _syntax(_source_path(name)) for name in sorted(_import_closure(module))}
     return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()
 
@@ -85,4 +85,8 @@ def _source_path(module: str) -> Path:
 
 
 def _syntax(source: Path) -> str:
-    return ast.dump(ast.parse(source.read_bytes()))
+    tree = ast.parse(source.read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree)

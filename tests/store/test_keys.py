@@ -34,7 +34,7 @@ def test_key_changes_with_config_inputs_and_engine(stage, monkeypatch: pytest.Mo
 def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> None:
     first = key(stage)
     source = tmp_path / "tests_fake" / "stage.py"
-    source.write_text(source.read_text() + "\n# a comment\n")
+    source.write_text(f'"""A docstring."""\n{source.read_text()}\n# a comment\n')
     assert key(stage) == first
     source.write_text(source.read_text() + "\nX = 1\n")
     assert key(stage) != first
