@@ -21,6 +21,7 @@ from aug3d_core.scene_name import check_scene_name
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
 from flows.plan import planned
+from flows.preflight import check_servers
 from flows.settings import apply_local_environment
 from flows.summary import print_summary
 
@@ -113,6 +114,7 @@ def _run(
     if dry_run:
         _print_plan(store, photos, config, as_json)
         return
+    check_servers()
     metrics = _run_flow(store, scene, photos, preset, config, Console(stderr=as_json))
     if as_json:
         print(json.dumps(metrics, indent=1))

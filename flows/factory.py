@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from prefect import flow
 
 from aug3d_core.charts.report import write_report
 from aug3d_core.charts.scene_metrics import scene_metrics
-from aug3d_core.errors import Aug3dError
+from aug3d_core.errors import Aug3dError, StoreError
 from aug3d_core.make import gather
 from aug3d_core.scene_config import SceneConfig
 from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
@@ -38,7 +39,8 @@ def factory(scene: str, photos: str | None, preset: str, config: SceneConfig, ho
             sources = gather(store, stage, {name: m.record for name, m in made.items()}, folder)
             made[stage.name] = run_stage(store, stage, getattr(config, stage.name), sources)
     except Aug3dError as error:
-        _conclude(store, scene, preset, config, list(made.values()), time.monotonic() - started, error)
+        with suppress(StoreError):  # MLflow's trouble must not hide the stage's
+            _conclude(store, scene, preset, config, list(made.values()), time.monotonic() - started, error)
         raise
     return _conclude(store, scene, preset, config, list(made.values()), time.monotonic() - started, None)
 

@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from mlflow.entities import Metric, Param
+from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
 from prefect import task
 from prefect.cache_policies import NO_CACHE
+from sqlalchemy.exc import SQLAlchemyError
 
 from aug3d_core.charts.scene_metrics import curves, flat_metrics, flat_params
+from aug3d_core.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -19,10 +22,29 @@ from aug3d_core.store.store import Store
 _METRICS, _PARAMS = 1000, 100  # MLflow refuses more in one call
 
 
-@task(cache_policy=NO_CACHE, task_run_name="log to MLflow", retries=1)
+@task(cache_policy=NO_CACHE, task_run_name="log to MLflow")
 def log_run(home: Path, config: dict[str, Any], records: list[Record], metrics: dict[str, Any], report: Path) -> str:
-    """Log one factory run: settings, figures, curves, tags, pictures and the report; returns the MLflow run id."""
-    client = MlflowClient(metrics["paths"]["mlflow"])
+    """Log one factory run: settings, figures, curves, tags, pictures and the report; returns the MLflow run id.
+
+    Raises StoreError if MLflow's store cannot be used; report and metrics.json are on disk by then.
+    """
+    try:
+        return _log(MlflowClient(metrics["paths"]["mlflow"]), home, config, records, metrics, report)
+    except (MlflowException, SQLAlchemyError) as error:
+        raise StoreError(
+            f"the MLflow store {metrics['paths']['mlflow']} cannot be used: {str(error).splitlines()[0]}",
+            f"the results are safe in {report.parent}; mend or move that store and run again, nothing is computed twice",
+        ) from error
+
+
+def _log(
+    client: MlflowClient,
+    home: Path,
+    config: dict[str, Any],
+    records: list[Record],
+    metrics: dict[str, Any],
+    report: Path,
+) -> str:
     now_ms = int(time.time() * 1000)
     run = client.create_run(
         _experiment_id(client, home, metrics["scene"]),
