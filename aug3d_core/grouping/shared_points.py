@@ -14,7 +14,7 @@ def group(
 ) -> Int[np.ndarray, "c k"]:
     """Return the members of each group, centre first, then by shared points. Nothing is random: `rng` is not used."""
     centres = candidates[farthest_points(scene.look_in_world[candidates], count)]
-    return np.stack([most_shared(scene, centre, candidates, k) for centre in centres])
+    return np.stack([most_shared(scene, centre, candidates, k) for centre in centres.tolist()])
 
 
 def most_shared(scene: GroupingScene, centre: int, candidates: Int[np.ndarray, " m"], k: int) -> Int[np.ndarray, " k"]:

@@ -56,11 +56,12 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     )
 
 
-def test_groups(scene: GroupingScene, split: Split, k: int) -> Int[np.ndarray, "t k"]:
+def test_groups(scene: GroupingScene, split: Split, k: int) -> Int[np.ndarray, "t k_test"]:
     """Return for each target the support views that share most points with it, the target first; no other target."""
     support = split.views(Role.SUPPORT)
     size = min(k, len(support) + 1)
-    return np.stack([shared_points.most_shared(scene, target, support, size) for target in split.views(Role.TARGET)])
+    targets = split.views(Role.TARGET).tolist()
+    return np.stack([shared_points.most_shared(scene, target, support, size) for target in targets])
 
 
 def split_table(split: Split, scene: GroupingScene) -> pd.DataFrame:
@@ -86,7 +87,7 @@ def _metrics(
     scene: GroupingScene,
     split: Split,
     members: Int[np.ndarray, "c k"],
-    test_members: Int[np.ndarray, "t k"],
+    test_members: Int[np.ndarray, "t k_test"],
     visible: sparse.csr_array,
 ) -> dict[str, Any]:
     within = shared_within(scene.shared, members)

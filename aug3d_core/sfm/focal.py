@@ -7,6 +7,8 @@ log says 39.8 m) for 1 % of reprojection error. So the focal length from EXIF is
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import pandas as pd
 import pycolmap
 
@@ -16,11 +18,20 @@ from aug3d_core.store import layout
 _WORTH = 1.03  # reprojection error with the focal length kept, over that with it freed
 
 
-def settle_focal(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> tuple[pycolmap.Reconstruction, str]:
-    """Return the model, with the focal lengths of EXIF where they fit as well, and which it has: exif or refined."""
+@dataclass(frozen=True)
+class Settled:
+    """What was chosen. source: exif or refined. exif_over_refined: ratio of their errors, None without EXIF."""
+
+    model: pycolmap.Reconstruction
+    source: str
+    exif_over_refined: float | None
+
+
+def settle_focal(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Settled:
+    """Take the focal lengths of EXIF if every camera has one and the model fits nearly as well with them."""
     priors = _priors(model, photos)
     if len(priors) < model.num_cameras():
-        return model, "refined"
+        return Settled(model, "refined", None)
     kept = pycolmap.Reconstruction(model)
     for camera_id, focal_px in priors.items():
         camera = kept.camera(camera_id)
@@ -31,8 +42,8 @@ def settle_focal(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> tuple[
     options.ceres.solver_options.num_threads = threads()
     pycolmap.bundle_adjustment(kept, options)
     kept.update_point_3d_errors()
-    free_px, kept_px = model.compute_mean_reprojection_error(), kept.compute_mean_reprojection_error()
-    return (kept, "exif") if kept_px <= _WORTH * free_px else (model, "refined")
+    ratio = kept.compute_mean_reprojection_error() / model.compute_mean_reprojection_error()
+    return Settled(kept, "exif", ratio) if ratio <= _WORTH else Settled(model, "refined", ratio)
 
 
 def _priors(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> dict[int, float]:

@@ -39,7 +39,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     if not models:
         raise _nothing_found(len(photos), len(pairs), matched)
     progress(len(photos), len(photos), "photographs placed; writing them undistorted")
-    model, focal_source = settle_focal(models[0], photos)
+    settled = settle_focal(models[0], photos)
+    model = settled.model
     alignment = align_model(model, photos, np.random.default_rng(config.seed))
     arrays = _write(model, alignment, photos, images, out)
     _write_components([model, *models[1:]], photos, out)
@@ -48,7 +49,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         "pairs_tried": len(pairs),
         "pairs_matched": matched,
         "pairs_by": chosen_by,
-        "focal_source": focal_source,
+        "focal_source": settled.source,
+        "focal_exif_over_refined_error": settled.exif_over_refined,
     }
     notes = _notes(model, models, alignment, photos)
     return Outcome(

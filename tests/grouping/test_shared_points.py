@@ -45,7 +45,7 @@ def test_the_order_of_views_does_not_matter(seed: int) -> None:
     for centre in range(24):
         expected = views.photo_id[most_shared(scene, centre, np.arange(24), 6)]
         np.testing.assert_array_equal(
-            mixed.views.photo_id[most_shared(mixed, place[centre], np.arange(24), 6)], expected
+            mixed.views.photo_id[most_shared(mixed, int(place[centre]), np.arange(24), 6)], expected
         )
 
 
