@@ -30,7 +30,7 @@ class StoreError(Aug3dError):
 class StageFailed(Aug3dError):
     """A stage ended without an output.
 
-    `cause` is one of error, crash, killed, timeout, memory, disk; `log_tail` holds its last log lines and `replay` the
+    `cause` is one of refused (the input cannot be used), error, crash, killed, timeout, memory, disk; `log_tail` holds its last log lines and `replay` the
     command that repeats exactly this stage.
     """
 

@@ -60,7 +60,7 @@ def run_job(job: Job, folder: Path) -> None:
 
 def _described(error: Exception) -> dict[str, str]:
     if isinstance(error, Aug3dError):
-        return {"cause": "error", "problem": error.problem, "remedy": error.remedy}
+        return {"cause": "refused", "problem": error.problem, "remedy": error.remedy}
     if isinstance(error, OSError) and disk_full(error):
         return {"cause": "disk", "problem": str(error), "remedy": ""}
     if isinstance(error, MemoryError):

@@ -22,6 +22,7 @@ from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
 from flows.plan import planned
 from flows.preflight import check_servers
+from flows.server import prefect_server
 from flows.settings import apply_local_environment
 from flows.summary import print_summary
 
@@ -128,14 +129,15 @@ def _run_flow(
     store: Store, scene: str, photos: Path | None, preset: str, config: SceneConfig, console: Console
 ) -> dict[str, Any]:
     apply_local_environment(store.root)
-    # Prefect reads its settings when it is imported, so it is imported after they are set.
-    from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
-    from flows.display import Display
-    from flows.factory import factory
-    from tasks.progress import listening
+    with prefect_server(store.root):
+        # Prefect reads its settings when it is imported, so it is imported after they are set.
+        from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
+        from flows.display import Display
+        from flows.factory import factory
+        from tasks.progress import listening
 
-    with Display(console, FROM_PHOTOS if photos else FROM_TOWN) as display, listening(display):
-        return factory(scene, str(photos) if photos else None, preset, config, str(store.root))
+        with Display(console, FROM_PHOTOS if photos else FROM_TOWN) as display, listening(display):
+            return factory(scene, str(photos) if photos else None, preset, config, str(store.root))
 
 
 def _print_plan(store: Store, photos: Path | None, config: SceneConfig, as_json: bool) -> None:
@@ -174,7 +176,7 @@ def _typed_errors(as_json: bool) -> Iterator[None]:
 
 def _print_error(error: Aug3dError) -> None:
     console = Console(stderr=True)
-    if isinstance(error, StageFailed):
+    if isinstance(error, StageFailed) and error.cause != "refused":  # a refusal says all there is to say
         console.print(f"[dim]{escape(error.log_tail)}[/]", highlight=False)
     console.print(f"[bold red]error[/] {escape(error.problem)}", highlight=False, soft_wrap=True)
     console.print(f"  -> {escape(error.remedy)}", highlight=False, soft_wrap=True)

@@ -11,8 +11,6 @@ def local_environment(home: Path) -> dict[str, str]:
     return {
         "PREFECT_HOME": str(home / "prefect"),
         "PREFECT_LOCAL_STORAGE_PATH": str(home / "prefect" / "results"),
-        # A busy machine needs longer than the default 20 s to start the server that lives as long as the run.
-        "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "180",
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "PREFECT_LOGGING_LEVEL": "CRITICAL",  # the command line tells what happens; each stage has its own log
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",

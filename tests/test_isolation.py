@@ -67,7 +67,7 @@ def test_two_at_once_make_it_once(tmp_path: Path) -> None:
 
 def test_an_error_for_people_comes_through_with_log_and_replay(tmp_path: Path) -> None:
     failure = fail(tmp_path, "raise")
-    assert failure.cause == "error"
+    assert failure.cause == "refused"
     assert "photo a.jpg is torn" in failure.problem
     assert failure.remedy == "mend a.jpg"
     assert "the log says raise" in failure.log_tail

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from aug3d_core.stages import FROM_TOWN, STAGES
@@ -122,6 +123,7 @@ def test_killed_at_many_moments_it_ends_in_the_same_digests(first: dict[str, Any
             killed += 1
         factory.wait()
     assert killed >= 4
+    assert not leftovers(tmp_path), "nothing outlives a killed factory"
     last = run(tmp_path)
     same = {name for name, digest in digests(last).items() if digest == digests(first)[name]}
     assert same >= {stage.name for stage in FROM_TOWN if stage.deterministic}
@@ -134,3 +136,20 @@ def wait_for_work(home: Path, stage: str, factory: subprocess.Popen) -> bool:
             return True
         time.sleep(0.05)
     return False
+
+
+def leftovers(home: Path) -> list[str]:
+    """Return the commands that still run for this home: stages, renderers, Prefect's server."""
+    deadline = time.monotonic() + 10
+    while True:
+        alive = [p for p in psutil.process_iter() if works_for(p, home)]
+        if not alive or time.monotonic() > deadline:
+            return [" ".join(p.cmdline()) for p in alive]
+        time.sleep(0.2)
+
+
+def works_for(process: psutil.Process, home: Path) -> bool:
+    try:
+        return process.environ().get("PREFECT_HOME") == str(home / "prefect")
+    except psutil.Error:
+        return False

@@ -1,0 +1,92 @@
+"""A Prefect server that lives exactly as long as one run: `python -m flows.server PORT` is its process.
+
+Prefect can start such a server by itself, but that one outlives a run that is killed, and the next one beside it.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from aug3d_core.errors import StoreError
+from aug3d_core.isolation import log_tail
+from aug3d_core.parent import die_with_parent
+
+_PATIENCE_S = 180.0  # a busy machine needs far longer than an idle one's 4 s
+_API = "PREFECT_API_URL"
+
+
+@contextmanager
+def prefect_server(home: Path) -> Iterator[None]:
+    """Start a server on loopback and point Prefect to it, unless the user named one; raises StoreError."""
+    if os.environ.get(_API):
+        yield
+        return
+    port = _free_port()
+    log = home / "prefect" / "server.log"
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with log.open("wb") as file:
+        # What Prefect itself sets for a server of this kind; the pages would only cost time here.
+        settings = {"PREFECT_UI_ENABLED": "0", "PREFECT__SERVER_EPHEMERAL": "1", "PREFECT__SERVER_FINAL": "1"}
+        server = subprocess.Popen(
+            [sys.executable, "-m", "flows.server", str(port)],
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=file,
+            start_new_session=True,  # Ctrl-C reaches the run first, which then ends the server
+            env={**os.environ, **settings},
+        )
+    try:
+        _wait_until_healthy(server, port, log)
+        os.environ[_API] = f"http://127.0.0.1:{port}/api"
+        yield
+    finally:
+        os.environ.pop(_API, None)
+        server.kill()  # its database is a journal: nothing is lost, and waiting for its good-bye takes seconds
+        server.wait()
+
+
+def _wait_until_healthy(server: subprocess.Popen, port: int, log: Path) -> None:
+    deadline = time.monotonic() + _PATIENCE_S
+    while server.poll() is None and time.monotonic() < deadline:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/health", timeout=5):
+                return
+        except OSError:
+            time.sleep(0.1)
+    raise StoreError(
+        f"Prefect's server did not start on port {port}; it last said:\n{log_tail(log)}",
+        f"look at {log}, or start one with `prefect server start` and set {_API}",
+    )
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def main() -> None:
+    """Serve until killed, or until the run that started this process ends."""
+    die_with_parent()
+    import uvicorn
+
+    uvicorn.run(
+        "prefect.server.api.server:create_app",
+        factory=True,
+        host="127.0.0.1",
+        port=int(sys.argv[1]),
+        log_level="error",
+        lifespan="on",
+    )
+
+
+if __name__ == "__main__":
+    main()
