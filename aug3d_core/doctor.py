@@ -51,7 +51,12 @@ def _python() -> Check:
     found = sys.version.split()[0]
     if sys.version_info[:2] == (3, 11):
         return Check(name="python", state="ok", found=found)
-    return Check(name="python", state="fail", found=found, remedy="bpy has wheels for Python 3.11 only: run make demo, which fetches one")
+    return Check(
+        name="python",
+        state="fail",
+        found=found,
+        remedy="bpy has wheels for Python 3.11 only: run make demo, which fetches one",
+    )
 
 
 def _engine(name: str) -> Check:
@@ -79,8 +84,15 @@ def _disk(home: Path) -> Check:
     gib = shutil.disk_usage(place).free / 2**30
     state = "ok" if gib >= _NEED_DISK_GIB else "warn"
     if not os.access(place, os.W_OK):
-        return Check(name="disk", state="fail", found=f"{place} cannot be written", remedy="choose another folder with --home DIR")
-    return Check(name="disk", state=state, found=f"{gib:.0f} GiB free at {place}", remedy=f"the demo needs {_NEED_DISK_GIB} GiB")
+        return Check(
+            name="disk",
+            state="fail",
+            found=f"{place} cannot be written",
+            remedy="choose another folder with --home DIR",
+        )
+    return Check(
+        name="disk", state=state, found=f"{gib:.0f} GiB free at {place}", remedy=f"the demo needs {_NEED_DISK_GIB} GiB"
+    )
 
 
 def _cores() -> Check:

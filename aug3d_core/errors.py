@@ -30,8 +30,8 @@ class StoreError(Aug3dError):
 class StageFailed(Aug3dError):
     """A stage ended without an output.
 
-    `cause` is one of refused (the input cannot be used), error, crash, killed, timeout, memory, disk; `log_tail` holds its last log lines and `replay` the
-    command that repeats exactly this stage.
+    `cause` is one of refused (the input cannot be used), error, crash, killed, timeout, memory, disk; `log_tail` holds
+    its last log lines and `replay` the command that repeats exactly this stage.
     """
 
     def __init__(self, stage: str, cause: str, problem: str, remedy: str, log_tail: str, replay: str) -> None:

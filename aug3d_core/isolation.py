@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -131,10 +132,8 @@ def _group_mib(pid: int) -> float:
 
 def _kill_group(process: subprocess.Popen) -> None:
     """End what is left of the group: the job itself, or workers that it started and lost."""
-    try:
+    with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
     process.wait()
 
 
@@ -144,7 +143,9 @@ def _failure(stage: Stage, folder: Path, returncode: int, verdict: tuple[str, st
     if cause != "disk" and verdict is None and free < _DISK_FULL_BYTES:
         cause, problem = "disk", f"no space left on the disk of {folder}"
     if cause == "disk":
-        remedy = f"free some space (now {free / 2**20:.0f} MiB free) or choose another disk with --home DIR, then run again"
+        remedy = (
+            f"free some space (now {free / 2**20:.0f} MiB free) or choose another disk with --home DIR, then run again"
+        )
     tail = log_tail(folder / layout.LOG)
     replay = f"{sys.executable} -m {stage.package} {folder / layout.JOB}"
     return StageFailed(stage.name, cause, problem, remedy, tail, replay)
@@ -165,10 +166,18 @@ def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) ->
     if told is not None:
         return told["cause"], told["problem"], told["remedy"]
     if returncode == -signal.SIGKILL:
-        return "killed", "it was killed (SIGKILL), perhaps for want of memory", "close other programs or use a smaller preset, then run again"
+        return (
+            "killed",
+            "it was killed (SIGKILL), perhaps for want of memory",
+            "close other programs or use a smaller preset, then run again",
+        )
     if returncode < 0:
         name = signal.Signals(-returncode).name
-        return "crash", f"native code crashed with {name}", "run the replay command to see it again; the log has a stack"
+        return (
+            "crash",
+            f"native code crashed with {name}",
+            "run the replay command to see it again; the log has a stack",
+        )
     return "error", f"it ended with exit code {returncode} and no result", "read the log, then run the replay command"
 
 

@@ -55,9 +55,12 @@ def validated_config(values: dict[str, Any]) -> SceneConfig:
         return SceneConfig.model_validate(values)
     except ValidationError as error:
         wrong = "; ".join(
-            f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg'].lower()}" for e in error.errors(include_url=False)
+            f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg'].lower()}"
+            for e in error.errors(include_url=False)
         )
-        raise UsageError(f"the configuration is not valid: {wrong}", "mend the value, or leave it out to use the preset's") from error
+        raise UsageError(
+            f"the configuration is not valid: {wrong}", "mend the value, or leave it out to use the preset's"
+        ) from error
 
 
 def _preset(name: str) -> SceneConfig:
@@ -81,7 +84,9 @@ def _override(values: dict[str, Any], override: str) -> None:
     path, equals, text = override.partition("=")
     stage, _, field = path.partition(".")
     if not equals or not field:
-        raise UsageError(f"--set {override!r} is not of the form stage.field=value", "write for example --set training.steps=500")
+        raise UsageError(
+            f"--set {override!r} is not of the form stage.field=value", "write for example --set training.steps=500"
+        )
     if stage not in values:
         raise UsageError(f"--set {override!r}: there is no stage {stage!r}", f"choose one of {', '.join(values)}")
     if field not in values[stage]:

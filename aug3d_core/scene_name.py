@@ -13,6 +13,7 @@ def check_scene_name(name: str) -> str:
     """Return the name if it can safely be a folder; raises UsageError."""
     if not _SCENE_NAME.fullmatch(name):
         raise UsageError(
-            f"{name!r} is not a scene name", "use letters, digits, '-' and '_', at most 64, beginning with a letter or digit"
+            f"{name!r} is not a scene name",
+            "use letters, digits, '-' and '_', at most 64, beginning with a letter or digit",
         )
     return name

@@ -65,10 +65,14 @@ def _described(error: Exception) -> dict[str, str]:
         return {"cause": "disk", "problem": str(error), "remedy": ""}
     if isinstance(error, MemoryError):
         return {"cause": "memory", "problem": "out of memory", "remedy": "use a smaller preset or fewer photographs"}
-    return {"cause": "error", "problem": f"{type(error).__name__}: {error}", "remedy": "read the log, then run the replay command"}
+    return {
+        "cause": "error",
+        "problem": f"{type(error).__name__}: {error}",
+        "remedy": "read the log, then run the replay command",
+    }
 
 
-def _progress_writer(folder: Path):  # noqa: ANN202 - a Progress
+def _progress_writer(folder: Path):
     last = 0.0
 
     def progress(done: int, total: int, what: str) -> None:

@@ -21,14 +21,57 @@ TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy"
 PHOTOS = Stage("photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("pillow",), "photos")
 SFM = Stage("sfm", SfmConfig, ("photos",), "aug3d_core.sfm.stage:run", ("pycolmap",), "reprojection_px")
 TRUTH = Stage("truth", TruthConfig, ("town", "sfm"), "aug3d_core.testbed.truth_stage:run", (), "position_error_pct")
-SIMILARITY = Stage("similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share")
-GROUPING = Stage("grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median")
-SURFACE = Stage("surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr")
-SAMPLING = Stage("sampling", SamplingConfig, ("sfm", "grouping", "surface"), "aug3d_core.sampling.stage:run", ("open3d",), "views_planned")
-RENDERING = Stage("rendering", RenderingConfig, ("surface", "sampling"), "aug3d_core.rendering.stage:run", ("bpy",), "kept_share", resumable=True)
-DATASET = Stage("dataset", DatasetConfig, ("sfm", "grouping", "surface", "sampling", "rendering"), "aug3d_core.dataset.stage:run", ("zarr",), "views")
-TRAINING = Stage("training", TrainingConfig, ("dataset",), "aug3d_core.nerf.training_stage:run", ("torch",), "train_psnr", resumable=True)
-EVALUATION = Stage("evaluation", EvaluationConfig, ("dataset", "training"), "aug3d_core.nerf.evaluation_stage:run", ("torch",), "test_psnr_mean")
+SIMILARITY = Stage(
+    "similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share"
+)
+GROUPING = Stage(
+    "grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median"
+)
+SURFACE = Stage(
+    "surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
+)
+SAMPLING = Stage(
+    "sampling",
+    SamplingConfig,
+    ("sfm", "grouping", "surface"),
+    "aug3d_core.sampling.stage:run",
+    ("open3d",),
+    "views_planned",
+)
+RENDERING = Stage(
+    "rendering",
+    RenderingConfig,
+    ("surface", "sampling"),
+    "aug3d_core.rendering.stage:run",
+    ("bpy",),
+    "kept_share",
+    resumable=True,
+)
+DATASET = Stage(
+    "dataset",
+    DatasetConfig,
+    ("sfm", "grouping", "surface", "sampling", "rendering"),
+    "aug3d_core.dataset.stage:run",
+    ("zarr",),
+    "views",
+)
+TRAINING = Stage(
+    "training",
+    TrainingConfig,
+    ("dataset",),
+    "aug3d_core.nerf.training_stage:run",
+    ("torch",),
+    "train_psnr",
+    resumable=True,
+)
+EVALUATION = Stage(
+    "evaluation",
+    EvaluationConfig,
+    ("dataset", "training"),
+    "aug3d_core.nerf.evaluation_stage:run",
+    ("torch",),
+    "test_psnr_mean",
+)
 
 FROM_PHOTOS = (PHOTOS, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
 FROM_TOWN = (TOWN, PHOTOS, SFM, TRUTH, *FROM_PHOTOS[2:])

@@ -40,7 +40,8 @@ Home = Annotated[
 ]
 Preset = Annotated[str, typer.Option(help=f"Size of everything: {', '.join(PRESETS)}.")]
 Set = Annotated[
-    list[str], typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable.")
+    list[str],
+    typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed and what is cached, and stop.")]
@@ -101,7 +102,9 @@ def doctor(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     else:
         marks = {"ok": "[green]ok  [/]", "warn": "[yellow]warn[/]", "fail": "[red]FAIL[/]"}
         for check in checks:
-            Console().print(f"{marks[check.state]} {check.name:<18} {escape(check.found)}", highlight=False, soft_wrap=True)
+            Console().print(
+                f"{marks[check.state]} {check.name:<18} {escape(check.found)}", highlight=False, soft_wrap=True
+            )
             if check.state != "ok":
                 Console().print(f"     {'':<18} -> {escape(check.remedy)}", highlight=False, soft_wrap=True)
     raise typer.Exit(1 if any(check.state == "fail" for check in checks) else 0)
@@ -151,7 +154,9 @@ def _print_plan(store: Store, photos: Path | None, config: SceneConfig, as_json:
 
 def _print_failure(metrics: dict[str, Any]) -> None:
     if "failure" in metrics:
-        Console().print(f"[red]failed[/] {escape(metrics['failure']['problem'])}\n  -> {escape(metrics['failure']['remedy'])}")
+        Console().print(
+            f"[red]failed[/] {escape(metrics['failure']['problem'])}\n  -> {escape(metrics['failure']['remedy'])}"
+        )
 
 
 def _print_next(scene: str) -> None:

@@ -21,7 +21,7 @@ def planned(store: Store, photos: Path | None, config: SceneConfig) -> Iterator[
     records: dict[str, Record] = {}
     for stage in FROM_PHOTOS if photos else FROM_TOWN:
         found = None
-        if all(name == "folder" and (photos or "town" in records) or name in records for name in stage.inputs):
+        if all((name == "folder" and (photos or "town" in records)) or name in records for name in stage.inputs):
             sources = gather(store, stage, records, photos)
             found = store.find(stage.name, key_of(stage, getattr(config, stage.name), sources))
         if found:

@@ -49,7 +49,9 @@ def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
     table = Table("answer", title=f"held-out real photographs: {nvs['test_views']} views")
     table.add_column("PSNR dB", justify="right")
     table.add_column("SSIM", justify="right")
-    table.add_row("PixelNeRF (model)", f"{nvs['test_psnr_mean']:.2f}  [{low:.2f}, {high:.2f}]", f"{nvs['test_ssim_mean']:.3f}")
+    table.add_row(
+        "PixelNeRF (model)", f"{nvs['test_psnr_mean']:.2f}  [{low:.2f}, {high:.2f}]", f"{nvs['test_ssim_mean']:.3f}"
+    )
     for name, psnr in nvs["cheap"].items():
         table.add_row(name.replace("_", " "), "-" if psnr is None else f"{psnr:.2f}", "")
     return table
@@ -57,7 +59,11 @@ def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
 
 def _print_places(console: Console, metrics: dict[str, Any]) -> None:
     paths = metrics["paths"]
-    places = {"report": paths["report"], "metrics": paths["metrics"], "MLflow": f"mlflow ui --backend-store-uri {paths['mlflow']}"}
+    places = {
+        "report": paths["report"],
+        "metrics": paths["metrics"],
+        "MLflow": f"mlflow ui --backend-store-uri {paths['mlflow']}",
+    }
     if "rendering" in paths["objects"]:
         places["renders"] = paths["objects"]["rendering"]
     if "dataset" in paths["objects"]:

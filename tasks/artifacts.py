@@ -26,7 +26,9 @@ def publish(store: Store, made: Made) -> None:
         {"what": "folder", "value": str(store.files_dir(record))},
         *({"what": name, "value": value} for name, value in record.metrics.items()),
     ]
-    create_table_artifact(key=f"{record.stage}-figures", table=rows, description="\n\n".join(record.notes) or record.stage)
+    create_table_artifact(
+        key=f"{record.stage}-figures", table=rows, description="\n\n".join(record.notes) or record.stage
+    )
     if record.pictures:
         sections = [
             f"### {caption}\n\n![{caption}]({_embedded(store.files_dir(record) / path)})"

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from tests_support import FakeConfig, fake_stage
 
 from aug3d_core import isolation
 from aug3d_core.errors import StageFailed
@@ -19,7 +20,6 @@ from aug3d_core.make import make
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
-from tests_support import FakeConfig, fake_stage
 
 
 @pytest.fixture(autouse=True)
@@ -91,9 +91,10 @@ def test_native_ends_become_typed_errors(tmp_path: Path, do: str, cause: str, wo
 
 
 def test_a_stage_that_hangs_is_killed_with_its_workers(tmp_path: Path) -> None:
-    failure = fail(tmp_path, "hang", limit_s=1.5, resumable=True)
+    failure = fail(tmp_path, "hang", limit_s=6.0, resumable=True)
     assert failure.cause == "timeout"
-    assert_all_dead(tmp_path)
+    for name in ("pid", "worker_pid"):
+        wait_until_dead(wait_for_pid(tmp_path, name))
 
 
 def test_a_stage_that_eats_memory_is_killed(tmp_path: Path) -> None:
@@ -103,13 +104,21 @@ def test_a_stage_that_eats_memory_is_killed(tmp_path: Path) -> None:
 
 
 def test_stop_all_ends_a_running_stage(tmp_path: Path) -> None:
-    timer = threading.Timer(1.0, isolation.stop_all)
-    timer.start()
+    pids: list[int] = []
+
+    def stop_when_it_runs() -> None:
+        pids.extend(wait_for_pid(tmp_path, name) for name in ("pid", "worker_pid"))
+        isolation.stop_all()
+
+    stopper = threading.Thread(target=stop_when_it_runs)
+    stopper.start()
     try:
-        assert fail(tmp_path, "hang", resumable=True).cause == "killed"
+        assert fail(tmp_path, "hang").cause == "killed"
     finally:
+        stopper.join()
         isolation.allow_jobs()
-    assert_all_dead(tmp_path)
+    for pid in pids:
+        wait_until_dead(pid)
 
 
 def test_a_killed_stage_resumes_and_a_plain_one_starts_afresh(tmp_path: Path) -> None:
@@ -171,7 +180,9 @@ def test_a_full_disk_is_named_and_loses_nothing(tmp_path: Path, small_disk: Path
     assert caught.value.cause == "disk"
     assert "MiB free" in caught.value.remedy
     assert store.find("fake", kept.key) == kept
-    assert make(store, stage, FakeConfig(do="slow"), {}, lambda *_: None).metrics["figure"] == 1.5  # space is free again
+    assert (
+        make(store, stage, FakeConfig(do="slow"), {}, lambda *_: None).metrics["figure"] == 1.5
+    )  # space is free again
 
 
 def wait_for_pid(tmp_path: Path, name: str) -> int:
@@ -190,8 +201,3 @@ def wait_until_dead(pid: int) -> None:
             return
         time.sleep(0.05)
     raise AssertionError(f"process {pid} lives on")
-
-
-def assert_all_dead(tmp_path: Path) -> None:
-    for name in ("pid", "worker_pid"):
-        wait_until_dead(wait_for_pid(tmp_path, name))

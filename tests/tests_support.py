@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aug3d_core.stage import Stage, StageConfig
 
-_RUN = '''
+_RUN = """
     import os, signal, subprocess, sys, time
     from aug3d_core.errors import InputError
     from aug3d_core.stage import Outcome
@@ -42,7 +42,7 @@ _RUN = '''
                     file.flush()
         (out / "half").write_text("done")
         return Outcome(metrics={"figure": 1.5, "resumed": resumed}, series={"curve": ((0, 1.0), (1, 2.0))})
-'''
+"""
 _MAIN = """
     from aug3d_core import stages
     from aug3d_core.stage_main import main

@@ -13,7 +13,12 @@ _CHEAP = ("mean_colour", "nearest_copy", "ground_homography", "mesh_render")
 
 
 def scene_metrics(
-    scene: str, preset: str, git: str, seconds: float, records: Sequence[tuple[Record, bool]], failure: Aug3dError | None = None
+    scene: str,
+    preset: str,
+    git: str,
+    seconds: float,
+    records: Sequence[tuple[Record, bool]],
+    failure: Aug3dError | None = None,
 ) -> dict[str, Any]:
     """Return the figures of a run; `records` pairs each finished stage with whether it was cached.
 

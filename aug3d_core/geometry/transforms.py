@@ -18,7 +18,9 @@ def invert(b_from_a: Float[np.ndarray, "*n 3 4"]) -> Float[np.ndarray, "*n 3 4"]
     return np.concatenate([rotation, -rotation @ b_from_a[..., 3:]], axis=-1)
 
 
-def apply(b_from_a: Float[np.ndarray, "*n 3 4"], points_in_a: Float[np.ndarray, "*n p 3"]) -> Float[np.ndarray, "*n p 3"]:
+def apply(
+    b_from_a: Float[np.ndarray, "*n 3 4"], points_in_a: Float[np.ndarray, "*n p 3"]
+) -> Float[np.ndarray, "*n p 3"]:
     """Map points from frame a to frame b."""
     return points_in_a @ np.swapaxes(b_from_a[..., :3], -1, -2) + np.swapaxes(b_from_a[..., 3:], -1, -2)
 
@@ -33,9 +35,7 @@ def forward(cam_from_world: Float[np.ndarray, "*n 3 4"]) -> Float[np.ndarray, "*
     return cam_from_world[..., 2, :3]
 
 
-def project(
-    points_in_cam: Float[np.ndarray, "*n 3"], intrinsics: Float[np.ndarray, " 4"]
-) -> Float[np.ndarray, "*n 2"]:
+def project(points_in_cam: Float[np.ndarray, "*n 3"], intrinsics: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "*n 2"]:
     """Project points in front of the camera (z > 0) to pixels."""
     return points_in_cam[..., :2] / points_in_cam[..., 2:] * intrinsics[:2] + intrinsics[2:]
 

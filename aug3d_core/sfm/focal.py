@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import pandas as pd
 import pycolmap
 
-from aug3d_core.sfm.features import threads
+from aug3d_core.sfm.mapping import THREADS
 from aug3d_core.store import layout
 
 _WORTH = 1.03  # reprojection error with the focal length kept, over that with it freed
@@ -39,7 +39,7 @@ def settle_focal(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Settle
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = False
     options.print_summary = False
-    options.ceres.solver_options.num_threads = threads()
+    options.ceres.solver_options.num_threads = THREADS
     pycolmap.bundle_adjustment(kept, options)
     kept.update_point_3d_errors()
     ratio = kept.compute_mean_reprojection_error() / model.compute_mean_reprojection_error()

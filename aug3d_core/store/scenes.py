@@ -50,5 +50,7 @@ def last_version(store: Store, scene: str) -> dict[str, Any]:
     versions = sorted(folder.glob(f"*/{layout.METRICS}"))
     if not versions:
         known = ", ".join(scenes(store)) or "none yet"
-        raise UsageError(f"there is no scene {scene!r} in {store.root}", f"scenes here: {known}; make one with aug3d run")
+        raise UsageError(
+            f"there is no scene {scene!r} in {store.root}", f"scenes here: {known}; make one with aug3d run"
+        )
     return json.loads(versions[-1].read_bytes())

@@ -37,7 +37,9 @@ class Store:
                 "choose a folder that you can write with --home DIR or AUG3D_HOME",
             ) from error
         if not os.access(self.root, os.W_OK):
-            raise StoreError(f"the store {self.root} is read-only", "choose another folder with --home DIR or AUG3D_HOME")
+            raise StoreError(
+                f"the store {self.root} is read-only", "choose another folder with --home DIR or AUG3D_HOME"
+            )
 
     def object_dir(self, stage: str, key: str) -> Path:
         """Return the folder of a finished object."""

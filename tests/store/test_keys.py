@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tests_support import FakeConfig, fake_stage
 
 from aug3d_core import stages
 from aug3d_core.store import keys
-from tests_support import FakeConfig, fake_stage
 
 
 @pytest.fixture
@@ -43,7 +43,9 @@ def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> N
 def test_code_of_a_stage_reaches_what_it_imports_and_no_further() -> None:
     closure = keys._import_closure(stages.SFM.entry.partition(":")[0])
     assert "aug3d_core.geometry.views" in closure
-    assert not any(name.startswith(("aug3d_core.nerf", "aug3d_core.stages", "aug3d_core.scene_config")) for name in closure)
+    assert not any(
+        name.startswith(("aug3d_core.nerf", "aug3d_core.stages", "aug3d_core.scene_config")) for name in closure
+    )
 
 
 def test_a_worker_process_is_code_of_its_stage() -> None:

@@ -15,9 +15,21 @@ from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
 RECORD = Record(
-    stage="training", key="k", digest="d", config={}, inputs={}, versions={}, files={}, metrics={"train_psnr": 20.0, "name": "x"},
-    state="ok", notes=(), series={"train_psnr": ((1, 10.0), (2, 20.0))}, pictures={"A panel": "panel.png"}, seconds=1.5, peak_mib=9.0,
-)  # fmt: skip
+    stage="training",
+    key="k",
+    digest="d",
+    config={},
+    inputs={},
+    versions={},
+    files={},
+    metrics={"train_psnr": 20.0, "name": "x"},
+    state="ok",
+    notes=(),
+    series={"train_psnr": ((1, 10.0), (2, 20.0))},
+    pictures={"A panel": "panel.png"},
+    seconds=1.5,
+    peak_mib=9.0,
+)
 
 
 def log(home: Path, metrics: dict[str, Any], **config: dict[str, Any]) -> str:
