@@ -132,6 +132,7 @@ def _run_flow(
     store: Store, scene: str, photos: Path | None, preset: str, config: SceneConfig, console: Console
 ) -> dict[str, Any]:
     apply_local_environment(store.root)
+    console.print(f"everything goes to {store.root}; starting Prefect ...", style="dim", highlight=False, soft_wrap=True)
     with prefect_server(store.root):
         # Prefect reads its settings when it is imported, so it is imported after they are set.
         from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN

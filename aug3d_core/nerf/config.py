@@ -35,10 +35,10 @@ class TrainingConfig(StageConfig):
     )
     blocks_pooled: int = Field(default=2, ge=1, le=8, description="Residual blocks after views are averaged, blocks.")
     frequencies: int = Field(default=6, ge=0, le=16, description="Octaves of the positional encoding, octaves.")
-    pool_variance: bool = Field(default=True, description="Average the views' spread as well as their mean.")
     blend_inputs: bool = Field(
         default=True, description="Colour = weighted blend of the input pixels + what the network adds."
     )
+    encode_height: bool = Field(default=True, description="Tell the field how high in the slab a point lies.")
     # Where along a ray
     slab_bounds: bool = Field(default=True, description="Cut each ray to the layer between ground and roofs.")
     opaque_end: bool = Field(
@@ -46,12 +46,12 @@ class TrainingConfig(StageConfig):
     )
     coarse_samples: int = Field(default=8, ge=2, le=512, description="Stratified samples per ray, samples.")
     fine_samples: int = Field(
-        default=8, ge=0, le=512, description="Samples drawn where the coarse network saw matter, samples."
+        default=4, ge=0, le=512, description="Samples drawn where the coarse network saw matter, samples."
     )
-    depth_samples: int = Field(default=4, ge=0, le=512, description="Samples drawn around the coarse depth, samples.")
+    depth_samples: int = Field(default=2, ge=0, le=512, description="Samples drawn around the coarse depth, samples.")
     # How it is trained
     steps: int = Field(default=1200, ge=1, le=10_000_000, description="Training steps, steps.")
-    learning_rate: float = Field(default=1e-3, gt=0, le=0.1, description="Adam's peak learning rate, 1.")
+    learning_rate: float = Field(default=3e-3, gt=0, le=0.1, description="Adam's peak learning rate, 1.")
     final_rate_share: float = Field(
         default=0.05, gt=0, le=1, description="Last learning rate as a share of the peak, 1."
     )
@@ -76,14 +76,14 @@ class EvaluationConfig(StageConfig):
 
 TRAINING_PRESETS: dict[str, TrainingConfig] = {
     "tiny": TrainingConfig(),
-    "small": TrainingConfig(encoder_channels=32, coarse_samples=24, fine_samples=12, steps=12_000),
+    "small": TrainingConfig(encoder_channels=32, coarse_samples=16, fine_samples=8, depth_samples=4, steps=12_000),
     "paper": TrainingConfig(
         groups_per_step=4,
         rays_per_group=128,
         encoder_channels=64,
         hidden=256,
-        pool_variance=False,
         blend_inputs=False,
+        encode_height=False,
         slab_bounds=False,
         opaque_end=False,
         coarse_samples=64,

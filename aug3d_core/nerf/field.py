@@ -1,9 +1,9 @@
 """A point and what the input views show there -> colour and density (the field of pixelNeRF).
 
 Per input view: the point in that view's frame (encoded), the viewing direction in that frame, and the image features
-where the point projects; residual blocks; the average over views; more blocks. Named differences from the paper:
-`pool_variance` adds the spread over the views, by which matter shows (views agree on a surface and nowhere else);
-`blend_inputs` starts from the input pixels' own colours. Points outside or behind a view take nothing from it.
+where the point projects; residual blocks; the average over views; more blocks. Differences from the paper: the colour
+where the point projects goes in beside the features; `blend_inputs` starts from those colours; `encode_height` tells
+how high in the slab the point lies; and points outside or behind a view take nothing from it.
 
 Feature layers and bilinear sampling are both linear, so the maps are projected once per image (`project`) and the
 projections are sampled.
@@ -21,8 +21,7 @@ from torch.nn import functional as F
 
 from aug3d_core.nerf.config import TrainingConfig
 
-EXTRAS = 2  # per view and point: cosine between the two views' rays, height of the point in the slab
-COMPARED = 16  # values of each view whose spread is looked at, beside its colour
+HEIGHT_OCTAVES = 5  # of the encoding of the height in the slab
 VOTERS = 16  # hidden units that weigh an input view's colour
 NEARER = 20.0  # what an input view loses at first per unit of cosine: views along the ray are the best witnesses
 SOFT = 0.02  # input colours are kept this far from 0 and 1 before the logit
@@ -66,10 +65,9 @@ class Field(nn.Module):
         self.config = config
         width = config.hidden
         self.features = nn.Conv2d(channels, width * config.blocks_per_view, 1)
-        self.enter = nn.Linear(3 * (1 + 2 * config.frequencies) + 3 + 3 + EXTRAS, width)
+        self.enter = nn.Linear(3 * (1 + 2 * config.frequencies) + 3 + 3 + 1, width)
         self.per_view = nn.ModuleList(Block(width) for _ in range(config.blocks_per_view))
-        self.compare = nn.Linear(width, COMPARED) if config.pool_variance else None
-        self.spread = nn.Linear(COMPARED + 3, width) if config.pool_variance else None
+        self.level = nn.Linear(1 + 2 * HEIGHT_OCTAVES, width) if config.encode_height else None
         self.pooled = nn.ModuleList(Block(width) for _ in range(config.blocks_pooled))
         self.leave = nn.Linear(width, 4)
         if config.blend_inputs:
@@ -81,8 +79,6 @@ class Field(nn.Module):
         """Start thin, so that light reaches the end of the ray, and with the blend alone."""
         nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)
-        if self.spread is not None:
-            nn.init.zeros_(self.spread.weight)
         if self.config.blend_inputs:
             nn.init.zeros_(self.vote.weight)
 
@@ -95,10 +91,9 @@ class Field(nn.Module):
         each = self._each_view(seen)
         weight = seen.visible.to(each.dtype)
         weight = weight / weight.sum(dim=1, keepdim=True).clamp(min=1)
-        mean = (weight[..., None] * each).sum(dim=1)
-        x = mean
-        if self.spread is not None and self.compare is not None:
-            x = x + self.spread(_variance(torch.cat([self.compare(each), seen.colour], dim=-1), weight))
+        x = (weight[..., None] * each).sum(dim=1)
+        if self.level is not None:
+            x = x + self.level(encode(seen.height[..., None], HEIGHT_OCTAVES))
         for block in self.pooled:
             x = block(x)
         x = F.relu(x)
@@ -106,9 +101,8 @@ class Field(nn.Module):
         return self._colour(out[..., :3], x, each, seen), F.softplus(10 * out[..., 3] - 1)
 
     def _each_view(self, seen: Seen) -> Float[Tensor, "g v p h"]:
-        height = seen.height[:, None].expand_as(seen.cosine)
-        extras = torch.stack([seen.cosine, height], dim=-1)
-        known = torch.cat([encode(seen.position, self.config.frequencies), seen.direction, seen.colour, extras], dim=-1)
+        where = encode(seen.position, self.config.frequencies)
+        known = torch.cat([where, seen.direction, seen.colour, seen.cosine[..., None]], dim=-1)
         x = self.enter(known)
         for block, features in zip(self.per_view, seen.features.split(self.config.hidden, dim=-1), strict=True):
             x = block(x + features)
@@ -128,12 +122,7 @@ class Field(nn.Module):
         return torch.sigmoid(torch.logit(blend.clamp(SOFT, 1 - SOFT)) + residual)
 
 
-def encode(x: Float[Tensor, "*n 3"], frequencies: int) -> Float[Tensor, "*n e"]:
+def encode(x: Float[Tensor, "*n d"], frequencies: int) -> Float[Tensor, "*n e"]:
     """Encode positions: themselves, and sines and cosines at 1.5 times powers of two (pixelNeRF's factor)."""
     scaled = [x * (1.5 * 2.0**octave) for octave in range(frequencies)]
     return torch.cat([x, *(wave(s) for s in scaled for wave in (torch.sin, torch.cos))], dim=-1)
-
-
-def _variance(x: Float[Tensor, "g v p c"], weight: Float[Tensor, "g v p"]) -> Float[Tensor, "g p c"]:
-    mean = (weight[..., None] * x).sum(dim=1, keepdim=True)
-    return (weight[..., None] * (x - mean) ** 2).sum(dim=1)

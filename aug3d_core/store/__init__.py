@@ -1,1 +1,1 @@
-"""Immutable, content-addressed outputs: records, keys, atomic commit, verification, locks. The only place that spells a path."""
+"""Immutable, content-addressed outputs: records, keys, commit, verification, locks. The only place that spells a path."""

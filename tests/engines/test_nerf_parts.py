@@ -201,7 +201,7 @@ def test_rendering_without_noise_repeats(scene):
     assert torch.equal(first, second)
 
 
-@pytest.mark.parametrize("name", ["blend_inputs", "pool_variance", "opaque_end", "slab_bounds"])
+@pytest.mark.parametrize("name", ["blend_inputs", "encode_height", "opaque_end", "slab_bounds"])
 def test_each_difference_from_the_paper_can_be_set_back(scene, name):
     config = SMALL.model_copy(update={name: False})
     coarse, fine = rendered(PixelNeRF(config), scene, [3, 9], 10)
