@@ -209,6 +209,12 @@ def test_each_difference_from_the_paper_can_be_set_back(scene, name):
     assert fine.colour.shape == coarse.colour.shape == (96, 3)
 
 
+def test_without_extra_samples_the_fine_pass_uses_the_coarse_ones(scene):
+    config = SMALL.model_copy(update={"fine_samples": 0, "depth_samples": 0})
+    coarse, fine = rendered(PixelNeRF(config), scene, [3, 9], 10)
+    assert coarse.weights.shape == fine.weights.shape
+
+
 def _awake(model: PixelNeRF) -> PixelNeRF:
     """Give the layers that start at zero some weight, so that nothing is hidden by it."""
     with torch.no_grad():
