@@ -24,7 +24,7 @@ from flows.plan import planned
 from flows.preflight import check_servers
 from flows.server import prefect_server
 from flows.settings import apply_local_environment
-from flows.summary import print_summary
+from flows.summary import print_summary, program
 
 app = typer.Typer(
     name="aug3d",
@@ -132,7 +132,9 @@ def _run_flow(
     store: Store, scene: str, photos: Path | None, preset: str, config: SceneConfig, console: Console
 ) -> dict[str, Any]:
     apply_local_environment(store.root)
-    console.print(f"everything goes to {store.root}; starting Prefect ...", style="dim", highlight=False, soft_wrap=True)
+    console.print(
+        f"everything goes to {store.root}; starting Prefect ...", style="dim", highlight=False, soft_wrap=True
+    )
     with prefect_server(store.root):
         # Prefect reads its settings when it is imported, so it is imported after they are set.
         from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
@@ -161,7 +163,9 @@ def _print_failure(metrics: dict[str, Any]) -> None:
 
 
 def _print_next(scene: str) -> None:
-    print(f"\nnext: aug3d show {scene} · aug3d run my_scene --photos DIR · aug3d run --help")
+    aug3d = program("aug3d")
+    print(f"\nnext  {aug3d} run my_scene --photos DIR   (your own photographs)")
+    print(f"      {aug3d} show {scene}   (this table again)")
 
 
 @contextmanager

@@ -76,4 +76,4 @@ class Display(AbstractContextManager):
 
 def figure(value: float | int | str | bool | None) -> str:
     """Return a metric as people write it."""
-    return f"{value:.3g}" if isinstance(value, float) else "-" if value is None else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else "-" if value is None else str(value)

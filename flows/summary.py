@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -10,9 +13,13 @@ from rich.table import Table
 from aug3d_core.stages import STAGES
 from flows.display import figure
 
+_WIDTH = 120
+
 
 def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     """Print everything a run tells."""
+    if not console.is_terminal:
+        console.width = max(console.width, _WIDTH)  # a log has no width of its own
     console.print(_stage_table(metrics))
     if "nvs" in metrics:
         console.print(_view_synthesis_table(metrics["nvs"]))
@@ -46,7 +53,7 @@ def _stage_table(metrics: dict[str, Any]) -> Table:
 
 def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
     low, high = nvs["test_psnr_ci"]
-    table = Table("answer", title=f"held-out real photographs: {nvs['test_views']} views")
+    table = Table("answer", title=f"held-out photographs: {nvs['test_views']} views")
     table.add_column("PSNR dB", justify="right")
     table.add_column("SSIM", justify="right")
     table.add_row(
@@ -62,7 +69,7 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
     places = {
         "report": paths["report"],
         "metrics": paths["metrics"],
-        "MLflow": f"mlflow ui --backend-store-uri {paths['mlflow']}",
+        "MLflow": f"{program('mlflow')} ui --backend-store-uri {paths['mlflow']}",
     }
     if "rendering" in paths["objects"]:
         places["renders"] = paths["objects"]["rendering"]
@@ -70,3 +77,8 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
         places["data set"] = paths["objects"]["dataset"]
     for name, place in places.items():
         console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)
+
+
+def program(name: str) -> str:
+    """Return how to call a program of this environment from the user's shell."""
+    return name if shutil.which(name) else str(Path(sys.executable).parent / name)
