@@ -16,20 +16,8 @@ from aug3d_core.stage import Frozen
 
 # Each engine is imported in a process of its own: two native libraries in one process corrupt memory.
 _ENGINES = ("pycolmap", "open3d", "bpy", "torch")
-_APT = {
-    "libusb-1.0.so.0": "libusb-1.0-0",
-    "libX11.so.6": "libx11-6",
-    "libXrender.so.1": "libxrender1",
-    "libXi.so.6": "libxi6",
-    "libXfixes.so.3": "libxfixes3",
-    "libXxf86vm.so.1": "libxxf86vm1",
-    "libxkbcommon.so.0": "libxkbcommon0",
-    "libSM.so.6": "libsm6",
-    "libICE.so.6": "libice6",
-    "libGL.so.1": "libgl1",
-    "libEGL.so.1": "libegl1",
-    "libgomp.so.1": "libgomp1",
-}
+# Shared library -> Debian package, for what the wheels leave to the system; the set-up reads the same list.
+_LIBRARIES = Path(__file__).with_name("system_libraries.txt")
 _NEED_DISK_GIB, _NEED_MEMORY_GIB = 3, 6
 
 
@@ -68,7 +56,8 @@ def _engine(name: str) -> Check:
     if done.returncode == 0:
         return Check(name=name, state="ok", found=found)
     lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-    missing = next((package for library, package in _APT.items() if library in done.stderr), None)
+    packages = dict(line.split() for line in _LIBRARIES.read_text().splitlines())
+    missing = next((package for library, package in packages.items() if library in done.stderr), None)
     remedy = f"apt-get install -y {missing}" if missing else "run make demo, which installs the system libraries"
     return Check(name=name, state="fail", found=f"{found} cannot be imported: {lines[-1]}", remedy=remedy)
 

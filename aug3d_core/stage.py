@@ -63,7 +63,6 @@ class Stage:
     engines: distributions whose version is part of the cache key.
     accuracy: the metric that says how well the stage did, shown in every table.
     resumable: keep a killed run's partial files and hand them to the next try.
-    deterministic: the same inputs give the same digests; `why_not` says why when they do not.
     limit_s, limit_mib: time and memory at which the stage's process group is killed.
     """
 
@@ -74,8 +73,6 @@ class Stage:
     engines: tuple[str, ...]
     accuracy: str
     resumable: bool = False
-    deterministic: bool = True
-    why_not: str = ""
     limit_s: float = 24 * 3600.0
     limit_mib: float = 20 * 1024.0
 

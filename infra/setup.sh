@@ -16,6 +16,9 @@ find_python() {
 }
 
 make_venv() {
+  if "$venv/bin/python" -c 'import sys, pip; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then
+    return 0
+  fi
   if python=$(find_python); then
     say "virtual environment in $venv with $($python --version)"
     "$python" -m venv --clear "$venv"
@@ -34,14 +37,11 @@ make_venv() {
 # Wheels bring almost everything; these shared libraries must come from the system.
 install_system_libraries() {
   local missing=()
-  local wanted=(libusb-1.0.so.0:libusb-1.0-0 libX11.so.6:libx11-6 libXrender.so.1:libxrender1 libXi.so.6:libxi6
-    libXfixes.so.3:libxfixes3 libXxf86vm.so.1:libxxf86vm1 libxkbcommon.so.0:libxkbcommon0 libSM.so.6:libsm6
-    libICE.so.6:libice6 libGL.so.1:libgl1 libEGL.so.1:libegl1 libgomp.so.1:libgomp1)
   local known
   known=$(PATH=$PATH:/sbin:/usr/sbin ldconfig -p)
-  for pair in "${wanted[@]}"; do
-    grep -q "${pair%%:*}" <<<"$known" || missing+=("${pair##*:}")
-  done
+  while read -r library package; do
+    grep -qF "$library" <<<"$known" || missing+=("$package")
+  done <aug3d_core/system_libraries.txt
   [ ${#missing[@]} -eq 0 ] && return 0
   local install="apt-get update && apt-get install -y ${missing[*]}"
   if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then

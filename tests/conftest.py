@@ -22,6 +22,13 @@ hypothesis.settings.load_profile("aug3d")
 REAL_PHOTOS = Path(__file__).parents[2] / "shared" / "data"
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave real engines, real servers and whole journeys out of `make check`."""
+    for item in items:
+        if item.path.parent.name in ("engines", "journeys", "tasks"):
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def prefect(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Give the tests a Prefect server and results folder that end with them."""
