@@ -156,11 +156,10 @@ def _origin(records: Made, metrics: Mapping[str, Any]) -> str:
             tag("code", escape(record.digest[:16])),
             escape(", ".join(f"{name} {version}" for name, version in record.versions.items())) or "-",
             number(record.config.get("seed")),
-            "yes" if stage.deterministic else f"no: {escape(stage.why_not)}",
         )
         for stage, record, _ in records
     ]
-    heads = ("stage", "key", "digest of the files", "engines", "seed", "repeats exactly")
+    heads = ("stage", "key", "digest of the files", "engines", "seed")
     config = json.dumps({stage.name: record.config for stage, record, _ in records}, indent=1)
     settings = tag("details", tag("summary", "All settings") + tag("pre", escape(config)))
     shareable = {name: value for name, value in metrics.items() if name != "paths"}  # the page travels, folders do not
