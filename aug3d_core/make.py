@@ -12,9 +12,11 @@ from aug3d_core.photos.discover import folder_digest
 from aug3d_core.stage import Frozen, Outcome, Progress, Stage, StageConfig
 from aug3d_core.stage_main import Job
 from aug3d_core.store import layout
-from aug3d_core.store.keys import engine_versions, object_key
+from aug3d_core.store.keys import engine_versions, object_key, recipe
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store, disk_full, write_synced
+
+_MOST_EARLIER = 8  # outputs of a stage's recipe that it may look at for work to reuse
 
 
 class Source(Frozen):
@@ -67,14 +69,19 @@ def _compute(
             shutil.rmtree(work)
         work.mkdir(parents=True, exist_ok=True)
         inputs = {name: source.path for name, source in sources.items()}
+        made_by = recipe(stage, config)
+        if stage.grows:
+            inputs[layout.EARLIER] = _link_earlier(store.made_by(stage.name, made_by, _MOST_EARLIER), work)
         job = Job(stage=stage.name, config=config.model_dump(mode="json"), inputs=inputs)
         write_synced(work / layout.JOB, job.model_dump_json(indent=1).encode())
         cost = run_isolated(stage, work, progress)
         outcome = Outcome.model_validate_json((work / layout.OUTCOME).read_bytes())
         for left in (layout.OUTCOME, layout.PROGRESS):
             (work / left).unlink(missing_ok=True)
+        shutil.rmtree(work / layout.EARLIER, ignore_errors=True)
         fields = {
             **outcome.model_dump(),
+            "recipe": made_by,
             "config": job.config,
             "inputs": {name: source.digest for name, source in sources.items()},
             "versions": engine_versions(stage),
@@ -90,6 +97,15 @@ def _compute(
         if not disk_full(error):
             raise
         raise _disk_failure(store, stage, error) from error
+
+
+def _link_earlier(earlier: list[Path], work: Path) -> Path:
+    folder = work / layout.EARLIER
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for age, files in enumerate(earlier):
+        (folder / f"{age:02d}").symlink_to(files)
+    return folder
 
 
 def _disk_failure(store: Store, stage: Stage, error: OSError) -> StageFailed:

@@ -27,6 +27,7 @@ class SceneConfig(Frozen):
 
     town: _testbed.TownConfig = Field(description="The built-in town; used when there are no photographs.")
     photos: _photos.PhotosConfig = Field(description="Finding and checking photographs.")
+    matching: _sfm.MatchingConfig = Field(description="Features, and which photographs show the same thing.")
     sfm: _sfm.SfmConfig = Field(description="Structure from motion.")
     truth: _testbed.TruthConfig = Field(description="Comparison with the town's truth.")
     similarity: _grouping.SimilarityConfig = Field(description="The similarity matrix.")
@@ -67,6 +68,7 @@ def _preset(name: str) -> SceneConfig:
     return SceneConfig(
         town=_testbed.PRESETS[name],
         photos=_photos.PRESETS[name],
+        matching=_sfm.MATCHING_PRESETS[name],
         sfm=_sfm.PRESETS[name],
         truth=_testbed.TRUTH_PRESETS[name],
         similarity=_grouping.SIMILARITY_PRESETS[name],

@@ -63,6 +63,9 @@ class Stage:
     engines: distributions whose version is part of the cache key.
     accuracy: the metric that says how well the stage did, shown in every table.
     resumable: keep a killed run's partial files and hand them to the next try.
+    grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`
+        is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work, never to
+        get another answer.
     limit_s, limit_mib: time and memory at which the stage's process group is killed.
     """
 
@@ -73,6 +76,7 @@ class Stage:
     engines: tuple[str, ...]
     accuracy: str
     resumable: bool = False
+    grows: bool = False
     limit_s: float = 24 * 3600.0
     limit_mib: float = 20 * 1024.0
 

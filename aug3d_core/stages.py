@@ -12,14 +12,25 @@ from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.sampling.config import SamplingConfig
-from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.config import MatchingConfig, SfmConfig
 from aug3d_core.stage import Stage
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.testbed.config import TownConfig, TruthConfig
 
 TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy",), "photos", resumable=True)
 PHOTOS = Stage("photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("pillow",), "photos")
-SFM = Stage("sfm", SfmConfig, ("photos",), "aug3d_core.sfm.stage:run", ("pycolmap",), "reprojection_px")
+MATCHING = Stage(
+    "matching",
+    MatchingConfig,
+    ("photos",),
+    "aug3d_core.sfm.matching_stage:run",
+    ("pycolmap",),
+    "pairs_matched_share",
+    grows=True,
+)
+SFM = Stage(
+    "sfm", SfmConfig, ("photos", "matching"), "aug3d_core.sfm.stage:run", ("pycolmap",), "reprojection_px", grows=True
+)
 TRUTH = Stage("truth", TruthConfig, ("town", "sfm"), "aug3d_core.testbed.truth_stage:run", (), "position_error_pct")
 SIMILARITY = Stage(
     "similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share"
@@ -73,6 +84,6 @@ EVALUATION = Stage(
     "test_psnr_mean",
 )
 
-FROM_PHOTOS = (PHOTOS, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
-FROM_TOWN = (TOWN, PHOTOS, SFM, TRUTH, *FROM_PHOTOS[2:])
+FROM_PHOTOS = (PHOTOS, MATCHING, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
+FROM_TOWN = (TOWN, PHOTOS, MATCHING, SFM, TRUTH, *FROM_PHOTOS[3:])
 STAGES = {stage.name: stage for stage in FROM_TOWN}

@@ -1,4 +1,4 @@
-"""Configuration of the sfm stage."""
+"""Configuration of the matching and sfm stages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pydantic import Field
 from aug3d_core.stage import StageConfig
 
 
-class SfmConfig(StageConfig):
+class MatchingConfig(StageConfig):
     """How many features, and which pairs of photographs are compared."""
 
     max_features: int = Field(default=4096, ge=256, le=65536, description="Most keypoints per photograph (SIFT).")
@@ -23,8 +23,15 @@ class SfmConfig(StageConfig):
     seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
 
 
-PRESETS: dict[str, SfmConfig] = {
-    "tiny": SfmConfig(neighbours=16),
-    "small": SfmConfig(max_features=8192, neighbours=24),
-    "paper": SfmConfig(max_features=8192, neighbours=50),
+class SfmConfig(StageConfig):
+    """How the matches become poses and points."""
+
+    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+
+
+MATCHING_PRESETS: dict[str, MatchingConfig] = {
+    "tiny": MatchingConfig(neighbours=16),
+    "small": MatchingConfig(max_features=8192, neighbours=24),
+    "paper": MatchingConfig(max_features=8192, neighbours=50),
 }
+PRESETS: dict[str, SfmConfig] = {name: SfmConfig() for name in MATCHING_PRESETS}

@@ -14,7 +14,7 @@ import pandas as pd
 import pycolmap
 from jaxtyping import Int
 
-from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.stage import Progress
 from aug3d_core.store import layout
 
@@ -41,7 +41,7 @@ def make_database(photos: pd.DataFrame, images: Path, database: Path) -> None:
         )
 
 
-def extract(photos: pd.DataFrame, images: Path, database: Path, config: SfmConfig, progress: Progress) -> None:
+def extract(photos: pd.DataFrame, images: Path, database: Path, config: MatchingConfig, progress: Progress) -> None:
     """Extract SIFT features of every photograph."""
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = threads()
@@ -52,7 +52,7 @@ def extract(photos: pd.DataFrame, images: Path, database: Path, config: SfmConfi
         progress(min(start + _PHOTOS_PER_CALL, len(names)), len(names), "photographs searched for features")
 
 
-def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: SfmConfig, progress: Progress) -> int:
+def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress) -> int:
     """Match the pairs and verify them geometrically; return how many hold."""
     matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
     matching.num_threads = threads()

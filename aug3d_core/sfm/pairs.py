@@ -8,13 +8,13 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
-from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.config import MatchingConfig
 
 _BLOCK = 20
 _IN_SEQUENCE = 2
 
 
-def choose_pairs(photos: pd.DataFrame, config: SfmConfig) -> tuple[Int[np.ndarray, "m 2"], str]:
+def choose_pairs(photos: pd.DataFrame, config: MatchingConfig) -> tuple[Int[np.ndarray, "m 2"], str]:
     """Return pairs (i < j) of photo ids, and the way they were chosen: `exhaustive` or `gps`.
 
     Photographs without GPS among many with it are compared with all others.

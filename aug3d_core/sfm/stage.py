@@ -1,8 +1,9 @@
-"""The sfm stage: photo table -> posed views, points and tracks in the world."""
+"""The sfm stage: photo table and matches -> posed views, points and tracks in the world."""
 
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,12 @@ import pycolmap
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.photos.table import read_photos
-from aug3d_core.sfm import export, features
+from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.focal import settle_focal
 from aug3d_core.sfm.mapping import SMALLEST_MODEL, reconstruct
-from aug3d_core.sfm.pairs import choose_pairs, gps_positions
+from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
@@ -29,15 +30,11 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     """Reconstruct the photographs and write the largest model; the others are kept beside it."""
     pycolmap.logging.minloglevel = 1  # warnings only: mapping writes dozens of lines per photograph
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
-    pairs, chosen_by = choose_pairs(photos, config)
     with tempfile.TemporaryDirectory(dir=out) as scratch:
-        database = Path(scratch) / "features.db"
-        features.make_database(photos, images, database)
-        features.extract(photos, images, database, config, progress)
-        matched = features.match(pairs, database, config, progress)
+        database = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
         models = reconstruct(images, database, len(photos), config, progress)
     if not models:
-        raise _nothing_found(len(photos), len(pairs), matched)
+        raise _nothing_found(len(photos))
     progress(len(photos), len(photos), "photographs placed; writing them undistorted")
     settled = settle_focal(models[0], photos)
     model = settled.model
@@ -46,9 +43,6 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     _write_components([model, *models[1:]], photos, out)
     metrics = _metrics(model, arrays, alignment, photos, len(models))
     metrics |= {
-        "pairs_tried": len(pairs),
-        "pairs_matched": matched,
-        "pairs_by": chosen_by,
         "focal_source": settled.source,
         "focal_exif_over_refined_error": settled.exif_over_refined,
     }
@@ -160,9 +154,8 @@ def _notes(
     return tuple(notes)
 
 
-def _nothing_found(photos: int, pairs: int, matched: int) -> InputError:
+def _nothing_found(photos: int) -> InputError:
     return InputError(
-        f"no scene could be reconstructed: {matched} of {pairs} compared pairs of {photos} photographs show the same "
-        f"thing, and no {SMALLEST_MODEL} photographs hold together",
+        f"no scene could be reconstructed: no {SMALLEST_MODEL} of the {photos} photographs hold together",
         "Use photographs of one scene in which neighbours overlap by 60 % or more, sharp and with texture.",
     )

@@ -21,13 +21,22 @@ from aug3d_core.stage import Stage, StageConfig
 
 def object_key(stage: Stage, config: StageConfig, input_digests: Mapping[str, str]) -> str:
     """Return the key of the object that `stage` makes from these inputs."""
-    parts = {
-        "stage": stage.name,
-        "code": code_digest(stage.entry.partition(":")[0]),
-        "config": config.model_dump(mode="json"),
-        "inputs": dict(input_digests),
-        "engines": engine_versions(stage),
-    }
+    return _hashed({"recipe": recipe(stage, config), "inputs": dict(input_digests)})
+
+
+def recipe(stage: Stage, config: StageConfig) -> str:
+    """Return the part of the key that does not depend on the inputs: stage, code, configuration, engines."""
+    return _hashed(
+        {
+            "stage": stage.name,
+            "code": code_digest(stage.entry.partition(":")[0]),
+            "config": config.model_dump(mode="json"),
+            "engines": engine_versions(stage),
+        }
+    )
+
+
+def _hashed(parts: dict[str, object]) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 

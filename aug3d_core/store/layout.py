@@ -19,6 +19,7 @@ LOG = "log.txt"
 OUTCOME = "outcome.json"
 ERROR = "error.json"
 PROGRESS = "progress.json"
+EARLIER = "earlier"
 
 # testbed: `photos/` is what a user would have; `truth/` is kept apart and read by truth metrics alone
 TOWN_PHOTOS = "photos"
@@ -32,6 +33,9 @@ PHOTO_TABLE = "photos.parquet"
 REJECTED_TABLE = "rejected.parquet"
 PHOTO_IMAGES = "images"
 CONTACT_SHEET = "contact_sheet.jpg"
+
+# matching
+FEATURES = "features.db"
 
 # sfm
 VIEWS = "views.npz"

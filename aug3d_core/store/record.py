@@ -19,12 +19,14 @@ class FileEntry(Frozen):
 class Record(Frozen):
     """What stands in `record.json`, written last.
 
-    key identifies the work (code, config, inputs, engines); digest identifies the result (paths and bytes of the files).
+    key identifies the work (code, config, inputs, engines), recipe the same without the inputs; digest identifies the
+    result (paths and bytes of the files).
     """
 
     stage: str
     key: str
     digest: str
+    recipe: str
     config: dict[str, Any]
     inputs: dict[str, str]  # upstream stage -> digest of its result
     versions: dict[str, str]  # engine -> version

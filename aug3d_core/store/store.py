@@ -11,7 +11,7 @@ import hashlib
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -78,6 +78,15 @@ class Store:
         if folder.exists():
             _discard(folder)
         return None
+
+    def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
+        """Return the files' folders of the objects that a recipe made, newest first."""
+        found = []
+        for path in (self.root / layout.OBJECTS / stage).glob(f"*/{layout.RECORD}"):
+            with suppress(OSError, ValidationError):
+                if Record.model_validate_json(path.read_bytes()).recipe == recipe:
+                    found.append((path.stat().st_mtime_ns, path.parent / layout.FILES))
+        return [files for _, files in sorted(found, reverse=True)[:most]]
 
     def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
         """Turn a work folder into an object: digest the files, write the record last, sync, rename."""

@@ -23,7 +23,7 @@ EVALUATION = {
 
 def record(stage: str, **changes) -> Record:
     values = {
-        "stage": stage, "key": "k" * 64, "digest": "d" * 64, "config": {"seed": 3}, "inputs": {},
+        "stage": stage, "key": "k" * 64, "digest": "d" * 64, "recipe": "r" * 64, "config": {"seed": 3}, "inputs": {},
         "versions": {"bpy": "5.0.1"},
         "files": {}, "metrics": {"vertices": 12345}, "state": "ok", "notes": (), "series": {}, "pictures": {},
         "seconds": 12.5, "peak_mib": 900.0,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.geometry.geodesy import geodetic_from_enu
-from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.sfm.pairs import choose_pairs, exhaustive_pairs, gps_positions, neighbour_pairs
 
 
@@ -55,12 +55,12 @@ def test_a_photograph_without_a_position_meets_all() -> None:
 
 
 def test_few_photographs_are_all_compared() -> None:
-    pairs, chosen_by = choose_pairs(photos_at(grid(5)), SfmConfig(exhaustive_limit=25))
+    pairs, chosen_by = choose_pairs(photos_at(grid(5)), MatchingConfig(exhaustive_limit=25))
     assert (len(pairs), chosen_by) == (300, "exhaustive")
 
 
 def test_many_photographs_with_gps_are_compared_with_neighbours() -> None:
-    pairs, chosen_by = choose_pairs(photos_at(grid(12)), SfmConfig(exhaustive_limit=100, neighbours=8))
+    pairs, chosen_by = choose_pairs(photos_at(grid(12)), MatchingConfig(exhaustive_limit=100, neighbours=8))
     assert chosen_by == "gps"
     assert len(pairs) < 144 * 10
 
@@ -68,7 +68,7 @@ def test_many_photographs_with_gps_are_compared_with_neighbours() -> None:
 def test_many_photographs_without_gps_are_all_compared() -> None:
     photos = photos_at(grid(12))
     photos.loc[10:] = np.nan
-    pairs, chosen_by = choose_pairs(photos, SfmConfig(exhaustive_limit=100))
+    pairs, chosen_by = choose_pairs(photos, MatchingConfig(exhaustive_limit=100))
     assert (len(pairs), chosen_by) == (144 * 143 // 2, "exhaustive")
 
 

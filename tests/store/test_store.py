@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import time
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
 FIELDS = {
+    "recipe": "r1",
     "config": {},
     "inputs": {},
     "versions": {},
@@ -121,3 +123,13 @@ def test_a_store_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
 def test_a_record_survives_json(tmp_path: Path) -> None:
     record = commit(Store(tmp_path))
     assert Record.model_validate(json.loads(record.model_dump_json())) == record
+
+
+def test_objects_of_a_recipe_are_found_newest_first(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    first, second = commit(store, "a", "k1"), commit(store, "b", "k2")
+    os.utime(store.object_dir("photos", "k1") / layout.RECORD, ns=(10**18, 2 * 10**18))
+    os.utime(store.object_dir("photos", "k2") / layout.RECORD, ns=(10**18, 10**18))
+    assert store.made_by("photos", "r1", most=8) == [store.files_dir(first), store.files_dir(second)]
+    assert store.made_by("photos", "r1", most=1) == [store.files_dir(first)]
+    assert store.made_by("photos", "another", most=8) == []

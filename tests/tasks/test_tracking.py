@@ -18,6 +18,7 @@ RECORD = Record(
     stage="training",
     key="k",
     digest="d",
+    recipe="r",
     config={},
     inputs={},
     versions={},
