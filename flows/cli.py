@@ -20,6 +20,7 @@ from aug3d_core.scene_config import PRESETS, SceneConfig, scene_config
 from aug3d_core.scene_name import check_scene_name
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
+from flows.bench import bench
 from flows.plan import planned
 from flows.preflight import check_servers
 from flows.server import prefect_server
@@ -35,6 +36,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(bench, name="bench")
 Home = Annotated[
     Path, typer.Option("--home", envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.", show_default=True)
 ]

@@ -1,0 +1,24 @@
+"""What a figure was measured on, in one line."""
+
+from __future__ import annotations
+
+import os
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+
+import psutil
+
+
+def describe_machine() -> str:
+    """Return processor, cores that this process may use, memory, Python, and the day."""
+    cores = len(os.sched_getaffinity(0))
+    memory_gib = psutil.virtual_memory().total / 2**30
+    day = datetime.now(UTC).date().isoformat()
+    return f"{_processor()}, {cores} cores, {memory_gib:.0f} GiB, Python {platform.python_version()}, {day}"
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()

@@ -1,0 +1,63 @@
+"""Run a configuration as far as a figure needs. What trials have in common is made once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from aug3d_core.errors import StageFailed
+from aug3d_core.make import gather, make
+from aug3d_core.scene_config import scene_config
+from aug3d_core.stage import Metric
+from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+
+Say = Callable[[str, int, int, str], None]  # stage, done, total, what
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The records of the stages that ran, by name, and why it ended early if it did."""
+
+    records: Mapping[str, Record]
+    failure: str = ""
+
+    def seconds(self, stages: Iterable[str]) -> float:
+        """Return the wall time of some stages, whenever they ran."""
+        return sum(self.records[stage].seconds for stage in stages if stage in self.records)
+
+    def peak_mib(self, stages: Iterable[str]) -> float:
+        """Return the highest memory of some stages."""
+        return max((self.records[stage].peak_mib for stage in stages if stage in self.records), default=0.0)
+
+    def metric(self, stage: str, name: str) -> Metric:
+        """Return a figure of a stage, None if the stage did not finish."""
+        return self.records[stage].metrics[name] if stage in self.records else None
+
+
+def run_trial(
+    store: Store, until: str, preset: str, overrides: Iterable[str], say: Say, photos: Path | None = None
+) -> Trial:
+    """Make every stage up to and with `until`, of the town or of a folder of photographs.
+
+    A stage that fails ends the trial, not the benchmark: where a setting breaks is a result.
+    """
+    config = scene_config(preset, overrides)
+    records: dict[str, Record] = {}
+    for stage in FROM_PHOTOS if photos else FROM_TOWN:
+        sources = gather(store, stage, records, photos)
+        try:
+            records[stage.name] = make(
+                store,
+                stage,
+                getattr(config, stage.name),
+                sources,
+                lambda done, total, what, name=stage.name: say(name, done, total, what),
+            )
+        except StageFailed as failure:
+            return Trial(records, failure.problem)
+        if stage.name == until:
+            break
+    return Trial(records)
