@@ -33,6 +33,7 @@ class SceneConfig(Frozen):
     similarity: _grouping.SimilarityConfig = Field(description="The similarity matrix.")
     grouping: _grouping.GroupingConfig = Field(description="Groups of K photographs, and the test split.")
     surface: _surface.SurfaceConfig = Field(description="The mesh.")
+    mesh_truth: _testbed.MeshTruthConfig = Field(description="Comparison of the mesh with the town's truth.")
     sampling: _sampling.SamplingConfig = Field(description="Virtual camera domes.")
     rendering: _rendering.RenderingConfig = Field(description="Cycles renders.")
     dataset: _dataset.DatasetConfig = Field(description="The packed data set.")
@@ -74,6 +75,7 @@ def _preset(name: str) -> SceneConfig:
         similarity=_grouping.SIMILARITY_PRESETS[name],
         grouping=_grouping.GROUPING_PRESETS[name],
         surface=_surface.PRESETS[name],
+        mesh_truth=_testbed.MESH_TRUTH_PRESETS[name],
         sampling=_sampling.PRESETS[name],
         rendering=_rendering.PRESETS[name],
         dataset=_dataset.PRESETS[name],

@@ -15,7 +15,7 @@ from aug3d_core.sampling.config import SamplingConfig
 from aug3d_core.sfm.config import MatchingConfig, SfmConfig
 from aug3d_core.stage import Stage
 from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.testbed.config import TownConfig, TruthConfig
+from aug3d_core.testbed.config import MeshTruthConfig, TownConfig, TruthConfig
 
 TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy",), "photos", resumable=True)
 PHOTOS = Stage("photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("pillow",), "photos")
@@ -40,6 +40,14 @@ GROUPING = Stage(
 )
 SURFACE = Stage(
     "surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
+)
+MESH_TRUTH = Stage(
+    "mesh_truth",
+    MeshTruthConfig,
+    ("town", "sfm", "grouping", "surface"),
+    "aug3d_core.testbed.mesh_truth_stage:run",
+    ("open3d",),
+    "fscore_half_pct",
 )
 SAMPLING = Stage(
     "sampling",
@@ -85,5 +93,15 @@ EVALUATION = Stage(
 )
 
 FROM_PHOTOS = (PHOTOS, MATCHING, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
-FROM_TOWN = (TOWN, PHOTOS, MATCHING, SFM, TRUTH, *FROM_PHOTOS[3:])
+_UP_TO_SURFACE = FROM_PHOTOS.index(SURFACE) + 1
+FROM_TOWN = (
+    TOWN,
+    PHOTOS,
+    MATCHING,
+    SFM,
+    TRUTH,
+    *FROM_PHOTOS[3:_UP_TO_SURFACE],
+    MESH_TRUTH,
+    *FROM_PHOTOS[_UP_TO_SURFACE:],
+)
 STAGES = {stage.name: stage for stage in FROM_TOWN}

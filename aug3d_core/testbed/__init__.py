@@ -8,6 +8,7 @@
 * `swatches`, `facades`, `roofs`, `buildings`, `trees`, `cars`   what stands on the ground
 * `town`        all of it together, bent over gentle hills
 * `flight`, `photo`   where the drone was, and the JPEG it wrote
-* `toy`         a scene of boxes, ray-cast in numpy, for tests of the data set and the model
-* `town_stage`  render the flight; `truth_stage` compare reconstructed poses with the true ones
+* `town_stage`  render the flight
+* `truth_stage`, `pose_errors`   compare reconstructed poses with the true ones
+* `mesh_truth_stage`, `mesh_errors`, `error_map`   compare the reconstructed mesh, and its renders; `surface_samples` spreads points
 """

@@ -52,9 +52,14 @@ class TruthConfig(StageConfig):
     """Nothing to set: the comparison has one right way."""
 
 
+class MeshTruthConfig(StageConfig):
+    """Nothing to set: this comparison has one right way, too."""
+
+
 PRESETS: dict[str, TownConfig] = {
     "tiny": TownConfig(),
     "small": TownConfig(length_m=320, width_m=220, width_px=1024),
     "paper": TownConfig(length_m=600, width_m=420, altitude_m=70, width_px=1600, samples=64),
 }
 TRUTH_PRESETS: dict[str, TruthConfig] = {name: TruthConfig() for name in PRESETS}
+MESH_TRUTH_PRESETS: dict[str, MeshTruthConfig] = {name: MeshTruthConfig() for name in PRESETS}
