@@ -29,6 +29,7 @@ EARLIER = "earlier"
 TOWN_PHOTOS = "photos"
 TOWN_TRUTH = "truth"
 TRUTH_POSES = "truth/poses.npz"
+TRUTH_LENS = "truth/lens.json"
 TRUTH_MESH = "truth/mesh.ply"
 TRUTH_FOOTPRINTS = "truth/footprints.json"
 
@@ -40,6 +41,7 @@ CONTACT_SHEET = "contact_sheet.jpg"
 
 # matching
 FEATURES = "features.db"
+MATCHING_TABLE = "matching.parquet"
 
 # sfm
 VIEWS = "views.npz"
@@ -59,10 +61,23 @@ GROUPS = "groups.npz"
 SIMILARITY_PICTURE = "similarity.png"
 GROUPING_MAP = "grouping.png"
 
+# depth: `workspace/` is COLMAP's dense workspace
+DENSE_WORKSPACE = "workspace"
+DEPTH_MAPS = "workspace/stereo/depth_maps"
+NORMAL_MAPS = "workspace/stereo/normal_maps"
+FUSED = "fused.npz"
+BASELINE_FUSED = "baseline_fused.npz"
+DEPTH_SHEET = "depth_and_normals.png"
+
 # surface
 MESH = "mesh.ply"
 BASELINE_MESH = "baseline_mesh.ply"
 BASELINE_RENDERS = "baseline_renders"
+TEXTURED_MESH = "mesh_textured.npz"
+MESH_TEXTURE = "mesh_texture.png"
+BASELINE_TEXTURED_MESH = "baseline_mesh_textured.npz"
+BASELINE_MESH_TEXTURE = "baseline_mesh_texture.png"
+MESH_SOURCES = "mesh_sources.json"
 
 # sampling
 CAMERAS = "cameras.npz"
@@ -96,3 +111,8 @@ def image_name(photo_id: int) -> str:
 def shard_name(shard: int) -> str:
     """Name of one render shard's file inside `shards/`."""
     return f"{shard:04d}.npz"
+
+
+def geometric_map_name(photo_id: int) -> str:
+    """Name of a photograph's file inside COLMAP's `depth_maps/` and `normal_maps/`."""
+    return f"{image_name(photo_id)}.geometric.bin"
