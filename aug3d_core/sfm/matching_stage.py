@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pycolmap
 
 from aug3d_core.photos.table import read_photos
 from aug3d_core.sfm import features
 from aug3d_core.sfm.config import MatchingConfig
+from aug3d_core.sfm.matching_table import matching_table
 from aug3d_core.sfm.pairs import choose_pairs
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
@@ -23,6 +25,8 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
     features.make_database(photos, images, database)
     features.extract(photos, images, database, config, progress)
     matched = features.match(pairs, database, config, progress)
+    table = matching_table(photos, database)
+    table.to_parquet(out / layout.MATCHING_TABLE)
     return Outcome(
         metrics={
             "photos": len(photos),
@@ -30,5 +34,7 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
             "pairs_matched": matched,
             "pairs_matched_share": matched / len(pairs),
             "pairs_by": chosen_by,
+            "pairs_possible": len(photos) * (len(photos) - 1) // 2,
+            "features_median": float(np.median(table["features"])),
         }
     )
