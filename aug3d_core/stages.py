@@ -17,7 +17,7 @@ from aug3d_core.stage import Stage
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.testbed.config import MeshTruthConfig, TownConfig, TruthConfig
 
-TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy",), "photos", resumable=True)
+TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy", "scipy"), "photos", resumable=True)
 PHOTOS = Stage("photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("pillow",), "photos")
 MATCHING = Stage(
     "matching",

@@ -6,9 +6,14 @@
 * `ground`      the painted ground
 * `atlas`, `model`   texture patches, and triangles that point into them
 * `swatches`, `facades`, `roofs`, `buildings`, `trees`, `cars`   what stands on the ground
-* `town`        all of it together, bent over gentle hills
-* `flight`, `photo`   where the drone was, and the JPEG it wrote
+* `estates`     blocks of towers, or of one house repeated; `lake` floods a part of the town
+* `terrain`     hills, slope or terraces, and how the plan is bent into the world
+* `town`        all of it together
+* `paths`, `flight`   where the drone was meant to be, and was
+* `lens`, `sensor`, `gps`   what is wrong with the pictures and with what the drone knows
+* `develop`, `photo`   from a render to the JPEG that the camera wrote
 * `town_stage`  render the flight
 * `truth_stage`, `pose_errors`   compare reconstructed poses with the true ones
-* `mesh_truth_stage`, `mesh_errors`, `error_map`   compare the reconstructed mesh, and its renders; `surface_samples` spreads points
+* `mesh_truth_stage`, `mesh_errors`, `error_map`   compare the reconstructed mesh, and its renders
+* `surface_samples`   points spread evenly over a mesh
 """

@@ -108,7 +108,7 @@ def _flats(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
             plan.buildings.append(Building(frame, half, depth, 3.0 * floors + 0.4, "flat", 0, "flats"))
     else:
         plan.buildings.append(Building(Frame(x, y, 0.0), length, depth, 3.0 * storeys + 0.4, "flat", 0, "flats"))
-    _car_park(plan, Rect(block.x0 + 4, block.y0 + 1, block.x1 - 4, block.y0 + 11.5), rng)
+    car_park(plan, Rect(block.x0 + 4, block.y0 + 1, block.x1 - 4, block.y0 + 11.5), rng)
     plan.strip(Ground.PAVEMENT, (x, block.y0 + 11), (x, y), 1.8)
     plan.strip(Ground.PAVEMENT, (block.x0, y - depth / 2 - 1.4), (block.x1, y - depth / 2 - 1.4), 1.5)
     for _ in range(7):
@@ -123,7 +123,7 @@ def _flats(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
             plan.tree(side, rng.uniform(block.y0 + 13, block.y1 - 2), rng, (1.5, 2.4))
 
 
-def _car_park(plan: Plan, area: Rect, rng: np.random.Generator) -> None:
+def car_park(plan: Plan, area: Rect, rng: np.random.Generator) -> None:
     """Asphalt with a lane and marked bays on the north side, and on both if there is room."""
     plan.rect(Ground.KERB, *area.grown(KERB_M))
     plan.rect(Ground.ASPHALT, *area)
@@ -143,7 +143,7 @@ def _hall(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
     x, y = (block.x0 + block.x1) / 2, block.y1 - 2 - depth / 2
     plan.rect(Ground.PAVEMENT, *block.grown(-0.6))
     plan.buildings.append(Building(Frame(x, y, 0.0), wide - 7, depth, rng.uniform(5, 7.5), "flat", 0, "hall"))
-    _car_park(plan, Rect(block.x0 + 1.5, block.y0 + 1.5, block.x1 - 1.5, y - depth / 2 - 2.2), rng)
+    car_park(plan, Rect(block.x0 + 1.5, block.y0 + 1.5, block.x1 - 1.5, y - depth / 2 - 2.2), rng)
     for tree in np.linspace(block.x0 + 3, block.x1 - 3, 4):
         plan.tree(tree, block.y0 + 0.9, rng, (1.0, 1.7))
 

@@ -8,7 +8,7 @@ from aug3d_core.testbed.atlas import Atlas
 from aug3d_core.testbed.facades import WallStyle, paint_wall, wall_style
 from aug3d_core.testbed.model import Frame, Model
 from aug3d_core.testbed.plan import Building
-from aug3d_core.testbed.roofs import TILES, paint_roof
+from aug3d_core.testbed.roofs import TILES, Cover, paint_roof
 from aug3d_core.testbed.swatches import Swatches
 
 _EAVES_OUT = 0.45
@@ -53,7 +53,9 @@ def _gable(
     low, out = eaves - _EAVES_OUT * slope + 0.06, y + _EAVES_OUT
     ex = x + _VERGE_OUT if b.use != "row" else x
     for side in (1, -1):
-        patch = atlas.add(paint_roof(2 * ex, float(np.hypot(out, ridge - low)), "tiles", colour, usable, rng))
+        patch = atlas.add(
+            paint_roof(2 * ex, float(np.hypot(out, ridge - low)), _cover(b, "tiles"), colour, usable, rng)
+        )
         top = ridge + 0.06
         plane = [
             (-side * ex, -side * out, low),
@@ -65,7 +67,7 @@ def _gable(
     if b.use != "shed":
         _chimneys(model, swatches, b, ridge, rng)
     if dormers:
-        lid = atlas.add(paint_roof(1.8, 2.4, "tiles", colour, 0.0, rng))
+        lid = atlas.add(paint_roof(1.8, 2.4, _cover(b, "tiles"), colour, 0.0, rng))
         _dormers(model, atlas, (swatches.metal, lid), b, slope, ridge, style, rng)
     return ridge
 
@@ -87,7 +89,7 @@ def _hip(
         long = float(np.hypot(base[j][0] - base[i][0], base[j][1] - base[i][1]))
         inset = (short + _EAVES_OUT) / long
         usable = 0.0 if b.use == "shed" else max(0.0, 0.9 * long - inset * long)
-        patch = atlas.add(paint_roof(long, slant, "tiles", colour, usable, rng))
+        patch = atlas.add(paint_roof(long, slant, _cover(b, "tiles"), colour, usable, rng))
         plane = [(*base[i], low), (*base[j], low), (*tops[j], ridge), (*tops[i], ridge)]
         uv = [(0, 0), (1, 0), (1 - inset, 1), (inset, 1)]
         corners = 3 if np.allclose(tops[i], tops[j]) else 4  # a plane on a short side ends in a point
@@ -102,10 +104,10 @@ def _flat(
 ) -> float:
     x, y, roof, rim = b.width_m / 2, b.depth_m / 2, b.eaves_m, b.eaves_m + _PARAPET
     _walls(model, atlas, b, rim, style, rng)
-    cover = "metal" if b.use == "hall" and rng.random() < 0.5 else "gravel"
+    cover: Cover = "metal" if b.use == "hall" and rng.random() < 0.5 else "gravel"
     grey = rng.uniform(0.45, 0.68)
     colour = (grey, grey * rng.uniform(0.95, 1.0), grey * rng.uniform(0.88, 1.0))
-    patch = atlas.add(paint_roof(b.width_m, b.depth_m, cover, colour, 0.0, rng))
+    patch = atlas.add(paint_roof(b.width_m, b.depth_m, _cover(b, cover), colour, 0.0, rng))
     inner = 0.3
     ix, iy = x - inner, y - inner
     model.polygon(b.frame, [(-x, -y, roof), (x, -y, roof), (x, y, roof), (-x, y, roof)], patch)
@@ -118,8 +120,11 @@ def _flat(
         model.polygon(
             b.frame, [(*inside[j], roof), (*inside[i], roof), (*inside[i], rim), (*inside[j], rim)], swatches.concrete
         )
-    top = _roof_boxes(model, swatches, b, rng)
-    return max(rim, top)
+    return rim if b.bare_roof else max(rim, _roof_boxes(model, swatches, b, rng))
+
+
+def _cover(b: Building, cover: Cover) -> Cover:
+    return "bare" if b.bare_roof else cover
 
 
 def _tile_colour(b: Building, rng: np.random.Generator) -> tuple[float, float, float]:

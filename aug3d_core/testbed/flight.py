@@ -1,4 +1,4 @@
-"""Where the drone was: a lawnmower grid of tilted, slightly unsteady photographs, in the world frame (ENU metres)."""
+"""Where the drone was: its path, flown a little unsteadily, in the world frame (ENU metres)."""
 
 from __future__ import annotations
 
@@ -7,38 +7,26 @@ from jaxtyping import Float
 
 from aug3d_core.geometry.views import Views
 from aug3d_core.testbed.config import TownConfig
+from aug3d_core.testbed.paths import PATHS
+from aug3d_core.testbed.terrain import HILLS, Terrain
 
 SECONDS_PER_PHOTO = 3
-
-ORIGIN_GEODETIC = (46.9, 7.5, 540.0)  # the world's origin: latitude, longitude (degrees), altitude (m); open country
 
 _UNSTEADY_M = 0.6
 _UNSTEADY_DEG = (1.2, 1.2, 2.5)  # pitch, roll, heading
 
 
-def plan_flight(config: TownConfig, rng: np.random.Generator) -> Views:
+def plan_flight(config: TownConfig, rng: np.random.Generator, terrain: Terrain = HILLS) -> Views:
     """Return the true cameras in the order of capture."""
-    width, height = config.width_px, config.height_px
-    footprint_x = config.altitude_m * width / config.focal_px  # across the line of flight
-    footprint_y = config.altitude_m * height / config.focal_px
-    ahead = config.altitude_m * np.tan(np.radians(config.tilt_deg))
-    along = _spread(config.length_m - 0.85 * footprint_y, (1 - config.forward_overlap) * footprint_y)
-    lines = _spread(config.width_m - 0.85 * footprint_x, (1 - config.side_overlap) * footprint_x)
     poses = []
-    for i, y in enumerate(lines):
-        sense = 1.0 if i % 2 == 0 else -1.0
-        for x in along[:: int(sense)]:
-            centre = np.array([x - sense * ahead, y, config.altitude_m]) + rng.normal(0, _UNSTEADY_M, 3)
-            poses.append(_pose(centre, np.array([sense, 0.0, 0.0]), config.tilt_deg, rng))
-    n = len(poses)
+    for station in list(PATHS[config.path](config, rng))[: config.max_photos]:
+        z = station.altitude_m + terrain.trend_in_world(station.x, station.y)
+        centre = np.array([station.x, station.y, z]) + rng.normal(0, _UNSTEADY_M, 3)
+        heading = np.array([station.heading_x, station.heading_y, 0.0])
+        poses.append(_pose(centre, heading, station.tilt_deg, rng))
+    n, width, height = len(poses), config.width_px, config.height_px
     intrinsics = np.array([config.focal_px, config.focal_px, width / 2, height / 2])
     return Views(np.arange(n), np.stack(poses), np.tile(intrinsics, (n, 1)), np.tile([width, height], (n, 1)))
-
-
-def _spread(room_m: float, step_m: float) -> Float[np.ndarray, " n"]:
-    """Return positions `step_m` apart and centred on 0 that fill the room; at least two."""
-    count = max(2, 1 + round(room_m / step_m))
-    return (np.arange(count) - (count - 1) / 2) * step_m
 
 
 def _pose(

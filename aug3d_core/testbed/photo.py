@@ -1,4 +1,4 @@
-"""The JPEG that the drone's camera writes: sensor grain, and EXIF with time, focal length and GPS."""
+"""The JPEG that the drone's camera writes: sensor noise, and EXIF with time, focal length and GPS."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ from jaxtyping import UInt8
 from PIL import ExifTags, Image, TiffImagePlugin
 
 _QUALITY = 92
-_GRAIN = 1.3  # standard deviation of the sensor's noise, of 255
 _SENSOR_DIAGONAL_MM = 7.7
 
 
 @dataclass(frozen=True)
 class Stamp:
-    """What the camera knows about a photograph."""
+    """What the camera knows about a photograph: its focal length as on 35 mm film, if it does, and its place, if it does.
+
+    place: latitude, longitude (degrees) and altitude (m).
+    """
 
     time: datetime
-    focal_35mm: int
-    lat_deg: float
-    lon_deg: float
-    alt_m: float
+    focal_35mm: int | None
+    place: tuple[float, float, float] | None
 
 
-def save_photo(path: Path, rgb: UInt8[np.ndarray, "h w 3"], stamp: Stamp, rng: np.random.Generator) -> None:
-    """Write a photograph in one piece; the bytes depend on the arguments alone."""
-    noisy = rgb + rng.normal(0, _GRAIN, rgb.shape)
+def save_photo(
+    path: Path, rgb: UInt8[np.ndarray, "h w 3"], stamp: Stamp, noise_levels: float, rng: np.random.Generator
+) -> None:
+    """Write a photograph in one piece, with the sensor's noise; the bytes depend on the arguments alone."""
+    noisy = rgb + rng.normal(0, noise_levels, rgb.shape)
     image = Image.fromarray(np.rint(np.clip(noisy, 0, 255)).astype(np.uint8))
     part = path.with_suffix(".part")
     image.save(part, format="JPEG", quality=_QUALITY, subsampling=0, exif=_exif(stamp))
@@ -42,15 +44,16 @@ def _exif(stamp: Stamp) -> Image.Exif:
     exif[base.Make], exif[base.Model], exif[base.Orientation], exif[base.DateTime] = "aug3d", "Testbed", 1, time
     details = exif.get_ifd(ExifTags.IFD.Exif)
     details[base.DateTimeOriginal] = time
-    details[base.FocalLength] = _rational(stamp.focal_35mm / 43.27 * _SENSOR_DIAGONAL_MM, 10**4)
-    details[base.FocalLengthIn35mmFilm] = stamp.focal_35mm
-    place = exif.get_ifd(ExifTags.IFD.GPSInfo)
-    place[gps.GPSLatitudeRef], place[gps.GPSLatitude] = "N" if stamp.lat_deg >= 0 else "S", _sexagesimal(stamp.lat_deg)
-    place[gps.GPSLongitudeRef], place[gps.GPSLongitude] = (
-        "E" if stamp.lon_deg >= 0 else "W",
-        _sexagesimal(stamp.lon_deg),
-    )
-    place[gps.GPSAltitudeRef], place[gps.GPSAltitude] = b"\0", _rational(stamp.alt_m, 10**3)
+    if stamp.focal_35mm is not None:
+        details[base.FocalLength] = _rational(stamp.focal_35mm / 43.27 * _SENSOR_DIAGONAL_MM, 10**4)
+        details[base.FocalLengthIn35mmFilm] = stamp.focal_35mm
+    if stamp.place is not None:
+        lat_deg, lon_deg, alt_m = stamp.place
+        place = exif.get_ifd(ExifTags.IFD.GPSInfo)
+        place[gps.GPSLatitudeRef], place[gps.GPSLatitude] = "N" if lat_deg >= 0 else "S", _sexagesimal(lat_deg)
+        place[gps.GPSLongitudeRef], place[gps.GPSLongitude] = "E" if lon_deg >= 0 else "W", _sexagesimal(lon_deg)
+        place[gps.GPSAltitudeRef] = b"\0" if alt_m >= 0 else b"\1"
+        place[gps.GPSAltitude] = _rational(abs(alt_m), 10**3)
     return exif
 
 

@@ -39,6 +39,7 @@ class Ground(IntEnum):
     PATCHED = 12
     IRON = 13
     FOREST = 14
+    LAKE = 15
 
 
 class Rect(NamedTuple):
@@ -68,6 +69,7 @@ class Building:
     roof: Roof
     pitch_deg: float
     use: Literal["house", "row", "flats", "hall", "shed"]
+    bare_roof: bool = False
 
 
 class Tree(NamedTuple):

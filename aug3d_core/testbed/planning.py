@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from aug3d_core.testbed.blocks import FILL, NEEDS_M
+from aug3d_core.testbed.config import Buildings
+from aug3d_core.testbed.estates import ESTATES
 from aug3d_core.testbed.plan import MARGIN_M, Ground, Plan, Rect
 from aug3d_core.testbed.streets import Street, blocks_between, draw_streets, on_street, place_streets
 
 
-def make_plan(length_m: float, width_m: float, rng: np.random.Generator) -> Plan:
+def make_plan(length_m: float, width_m: float, rng: np.random.Generator, buildings: Buildings = "mixed") -> Plan:
     """Lay out streets and fill every block between them."""
     plan = Plan()
     across = place_streets(length_m, 50.0, rng)  # run north-south, at these x
@@ -19,6 +21,10 @@ def make_plan(length_m: float, width_m: float, rng: np.random.Generator) -> Plan
     for block in blocks:
         plan.rect(Ground.LAWN, *block)
     draw_streets(plan, length_m, width_m, across, along, rng)
+    if buildings != "mixed":
+        for block in blocks:
+            ESTATES[buildings](plan, block, rng)
+        return plan
     for block, use in zip(blocks, _uses(len(blocks), rng), strict=True):
         FILL[use if block.y1 - block.y0 > NEEDS_M[use] else "houses"](plan, block, rng)
     return plan

@@ -18,7 +18,7 @@ TILES = (
     (0.30, 0.31, 0.34),
     (0.45, 0.36, 0.30),
 )
-Cover = Literal["tiles", "gravel", "metal"]
+Cover = Literal["tiles", "gravel", "metal", "bare"]
 _PANEL = (0.10, 0.13, 0.24)
 
 
@@ -32,6 +32,8 @@ def paint_roof(
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Paint one roof plane, the eaves at the last row; roof windows or solar panels keep within the ridge's length."""
     shape = (max(4, round(slope_m * PX_PER_M)), max(4, round(width_m * PX_PER_M)))
+    if cover == "bare":
+        return np.tile(np.rint(255 * np.clip(colour, 0, 1)).astype(np.uint8), (*shape, 1))
     light = _COVERS[cover](shape, rng)
     image = np.array(colour, np.float32) * light[..., None]
     moss = np.clip(fractal(shape, [9, 25, 60], rng) - 0.9, 0, 1.2) * (0.35 if cover == "tiles" else 0.12)

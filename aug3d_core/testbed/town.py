@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -11,15 +11,17 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.testbed.atlas import Atlas
 from aug3d_core.testbed.buildings import add_building
 from aug3d_core.testbed.cars import add_car
+from aug3d_core.testbed.config import TownConfig
 from aug3d_core.testbed.ground import GroundPicture, paint_ground
 from aug3d_core.testbed.model import Model, TexturedMesh
 from aug3d_core.testbed.plan import Building
 from aug3d_core.testbed.planning import make_plan
 from aug3d_core.testbed.swatches import add_swatches
+from aug3d_core.testbed.terrain import Terrain, bend
 from aug3d_core.testbed.trees import add_hedge, add_tree
 
 _GROUND_CELL_M = 2.0
-_TURN_DEG = 5.0  # streets that run exactly along the flight lines would look drawn
+_ONE_HOUSE = 14  # seed of the house that identical buildings all are
 
 
 @dataclass(frozen=True)
@@ -42,34 +44,41 @@ class Town:
     footprints: tuple[Footprint, ...]
 
 
-def build_town(length_m: float, width_m: float, rng: np.random.Generator) -> Town:
+def build_town(config: TownConfig, terrain: Terrain, rng: np.random.Generator) -> Town:
     """Plan, paint and build a town; the same generator state gives the same town."""
-    plan = make_plan(length_m, width_m, rng)
-    model, atlas, footprints = Model(), Atlas(), []
+    plan = make_plan(config.length_m, config.width_m, rng, config.buildings)
+    if terrain.lake:
+        terrain.lake.flood(plan)
+    model, atlas, footprints, levels = Model(), Atlas(), [], []
     swatches = add_swatches(atlas, rng)
     for building in plan.buildings:
-        height = add_building(model, atlas, swatches, building, rng)
+        first = model.count
+        own_rng = np.random.default_rng(_ONE_HOUSE) if config.buildings == "identical" else rng
+        height = add_building(model, atlas, swatches, replace(building, bare_roof=config.bare_roofs), own_rng)
         footprints.append(Footprint(_outline(building), height, building.use))
+        levels.append((first, model.count, building))
     for tree in plan.trees:
         add_tree(model, swatches, tree, rng)
     for hedge in plan.hedges:
         add_hedge(model, swatches, hedge, rng)
     for frame in plan.cars:
         add_car(model, swatches, frame, rng)
-    picture = paint_ground(plan, length_m, width_m, rng)
+    picture = paint_ground(plan, config.length_m, config.width_m, rng)
     vertices, triangles, patches, local = model.arrays()
+    if terrain.levels_buildings:
+        for first, end, building in levels:
+            vertices[first:end] = _levelled(vertices[first:end], building, terrain)
     packed = atlas.pack()
-    things = TexturedMesh(bend(vertices), triangles, packed.uv(patches, local))
-    return Town(_ground_mesh(picture), picture.image, things, packed.image, tuple(footprints))
+    things = TexturedMesh(bend(vertices, terrain), triangles, packed.uv(patches, local))
+    return Town(_ground_mesh(picture, terrain), picture.image, things, packed.image, tuple(footprints))
 
 
-def bend(points_in_town: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Map the flat, right-angled town to the world: streets sway, the ground rolls, all is turned a little."""
-    x, y, z = points_in_town.T
-    swayed_x, swayed_y = x + 2.5 * np.sin(y * 2 * np.pi / 230 + 0.7), y + 3.0 * np.sin(x * 2 * np.pi / 280 + 0.4)
-    hills = 1.1 * np.sin(x * 2 * np.pi / 170 + 1.0) + 0.8 * np.sin(y * 2 * np.pi / 120 + 2.0)
-    c, s = np.cos(np.radians(_TURN_DEG)), np.sin(np.radians(_TURN_DEG))
-    return np.stack([c * swayed_x - s * swayed_y, s * swayed_x + c * swayed_y, z + hills], axis=1)
+def _levelled(points: Float[np.ndarray, "n 3"], b: Building, terrain: Terrain) -> Float[np.ndarray, "n 3"]:
+    """Undo in advance what bending does to the heights of one building, and let its walls reach down to the ground."""
+    level, own = (float(terrain.height(np.array(b.frame.x), np.array(b.frame.y))), terrain.height(*points[:, :2].T))
+    x, y, z = points.T
+    foot = np.where(z < 0, np.minimum(0.0, own - level), 0.0)
+    return np.stack([x, y, z + level + foot - own], axis=1)
 
 
 def coloured_mesh(town: Town) -> Mesh:
@@ -88,14 +97,14 @@ def _outline(b: Building) -> Float[np.ndarray, "4 2"]:
     return bend(b.frame.place(corners))[:, :2]
 
 
-def _ground_mesh(picture: GroundPicture) -> TexturedMesh:
+def _ground_mesh(picture: GroundPicture, terrain: Terrain) -> TexturedMesh:
     nx, ny = (int(np.ceil(2 * half / _GROUND_CELL_M)) + 1 for half in (picture.half_x_m, picture.half_y_m))
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, nx), np.linspace(0, 1, ny)))
     flat = np.stack([(2 * u - 1) * picture.half_x_m, (2 * v - 1) * picture.half_y_m, np.zeros_like(u)], axis=1)
     index = np.arange(nx * ny).reshape(ny, nx)
     a, b, c, d = index[:-1, :-1].ravel(), index[:-1, 1:].ravel(), index[1:, 1:].ravel(), index[1:, :-1].ravel()
     triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    return TexturedMesh(bend(flat), triangles, np.stack([u, v], axis=1)[triangles])
+    return TexturedMesh(bend(flat, terrain), triangles, np.stack([u, v], axis=1)[triangles])
 
 
 def _vertex_colours(mesh: TexturedMesh, image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "v 3"]:

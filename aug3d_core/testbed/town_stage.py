@@ -9,10 +9,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from PIL import Image
 
-from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.transforms import centres, homogeneous, invert
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.job import MeshFile, RenderJob, Sunlit
@@ -20,10 +19,15 @@ from aug3d_core.rendering.launch import render
 from aug3d_core.rendering.sheet import save_sheet
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
-from aug3d_core.testbed import flight
 from aug3d_core.testbed.config import TownConfig
+from aug3d_core.testbed.develop import Darkroom, rendered_views
+from aug3d_core.testbed.flight import SECONDS_PER_PHOTO, plan_flight
+from aug3d_core.testbed.gps import ORIGIN_GEODETIC, measured_places
+from aug3d_core.testbed.lens import Lens
 from aug3d_core.testbed.model import TexturedMesh
-from aug3d_core.testbed.photo import Stamp, save_photo
+from aug3d_core.testbed.photo import Stamp
+from aug3d_core.testbed.sensor import Defects
+from aug3d_core.testbed.terrain import terrain_of
 from aug3d_core.testbed.town import Town, build_town, coloured_mesh
 
 _SHEET = "photos.png"
@@ -34,15 +38,21 @@ _LIGHT = Sunlit(sun_azimuth_deg=152, sun_elevation_deg=47)
 def run(inputs: Inputs, config: TownConfig, out: Path, progress: Progress) -> Outcome:
     """Make the photographs that a user would have, and apart from them the truth."""
     start = time.monotonic()
-    scene_rng, flight_rng, gps_rng = np.random.default_rng(config.seed).spawn(3)
+    scene_rng, flight_rng, gps_rng, defects_rng = np.random.default_rng(config.seed).spawn(4)
+    lens = Lens.of(config)
     progress(0, 1, "building the town")
-    town = build_town(config.length_m, config.width_m, scene_rng)
-    views = flight.plan_flight(config, flight_rng)
-    _write_truth(town, views, out)
+    terrain = terrain_of(config)
+    town = build_town(config, terrain, scene_rng)
+    views = plan_flight(config, flight_rng, terrain)
+    _write_truth(town, views, lens, out)
     photos = out / layout.TOWN_PHOTOS
     photos.mkdir(exist_ok=True)
+    darkroom = Darkroom(
+        views=rendered_views(views, lens), terrain=terrain, lens=lens, defects=Defects.of(config, len(views), defects_rng),
+        stamps=_stamps(config, views, gps_rng), noise_levels=config.noise_levels, seed=config.seed,
+    )  # fmt: skip
     with tempfile.TemporaryDirectory() as scratch:
-        rendered = _shoot(town, views, _stamps(config, views, gps_rng), config, photos, Path(scratch), progress)
+        rendered = _shoot(town, darkroom, config, photos, Path(scratch), progress)
     _save_sheet(photos, len(views), out)
     seconds = time.monotonic() - start
     metrics = {
@@ -59,15 +69,13 @@ def photo_name(photo_id: int) -> str:
     return f"town_{photo_id:04d}.jpg"
 
 
-def _shoot(
-    town: Town, views: Views, stamps: list[Stamp], config: TownConfig, photos: Path, scratch: Path, progress: Progress
-) -> int:
+def _shoot(town: Town, darkroom: Darkroom, config: TownConfig, photos: Path, scratch: Path, progress: Progress) -> int:
     """Render the shards that lack a photograph; return how many photographs were rendered."""
     meshes = (
         _export(town.ground, town.ground_image, scratch / "ground"),
         _export(town.things, town.things_image, scratch / "things"),
     )
-    cameras = scratch / "cameras.npz"
+    cameras, views = scratch / "cameras.npz", darkroom.views
     world_from_cam = homogeneous(invert(views.cam_from_world))
     np.savez(
         cameras, view_id=views.photo_id, world_from_cam=world_from_cam, intrinsics=views.intrinsics, size=views.size
@@ -83,15 +91,11 @@ def _shoot(
         )  # fmt: skip
         render(job, lambda done, first=first: progress(first + done, total, "photographs"))
         with np.load(job.out) as shard:
-            _develop(shard["rgb"], range(first, last), stamps, config.seed, photos)
+            rgb, alpha = shard["rgb"], shard["alpha"]
+        for i in range(first, last):
+            darkroom.develop(rgb[i - first], alpha[i - first], i, photos / photo_name(i))
         rendered += last - first
     return rendered
-
-
-def _develop(rgb: UInt8[np.ndarray, "n h w 3"], photo_ids: range, stamps: list[Stamp], seed: int, photos: Path) -> None:
-    for image, i in zip(rgb, photo_ids, strict=True):
-        # A generator per photograph: its grain must not depend on which shards were rendered before.
-        save_photo(photos / photo_name(i), image, stamps[i], np.random.default_rng([seed, i]))
 
 
 def _export(mesh: TexturedMesh, image: UInt8[np.ndarray, "h w 3"], stem: Path) -> MeshFile:
@@ -102,18 +106,28 @@ def _export(mesh: TexturedMesh, image: UInt8[np.ndarray, "h w 3"], stem: Path) -
 
 
 def _stamps(config: TownConfig, views: Views, rng: np.random.Generator) -> list[Stamp]:
-    true_centres: Float[np.ndarray, "n 3"] = centres(views.cam_from_world)
-    drifted = true_centres + rng.normal(0, config.gps_noise_m, true_centres.shape)
-    measured = geodetic_from_enu(drifted, np.array(flight.ORIGIN_GEODETIC))
-    times = [_START + timedelta(seconds=flight.SECONDS_PER_PHOTO * i) for i in range(len(views))]
-    return [Stamp(t, config.focal_35mm, *map(float, place)) for t, place in zip(times, measured, strict=True)]
+    measured = measured_places(config, centres(views.cam_from_world), rng)
+    focal_35mm = round(config.focal_35mm * config.exif_focal_factor) or None
+    return [
+        Stamp(
+            time=_START + timedelta(seconds=SECONDS_PER_PHOTO * i),
+            focal_35mm=focal_35mm,
+            place=None if measured is None else (float(measured[i, 0]), float(measured[i, 1]), float(measured[i, 2])),
+        )
+        for i in range(len(views))
+    ]
 
 
-def _write_truth(town: Town, views: Views, out: Path) -> None:
+def _write_truth(town: Town, views: Views, lens: Lens, out: Path) -> None:
     (out / layout.TOWN_TRUTH).mkdir(exist_ok=True)
     views.save(out / layout.TRUTH_POSES)
     coloured_mesh(town).save(out / layout.TRUTH_MESH)
-    origin = dict(zip(("lat_deg", "lon_deg", "alt_m"), flight.ORIGIN_GEODETIC, strict=True))
+    centre = [lens.width_px / 2, lens.height_px / 2]
+    camera = {"model": "RADIAL", "params": [lens.focal_px, *centre, lens.k1, lens.k2]}
+    (out / layout.TRUTH_LENS).write_text(
+        json.dumps(camera | {"width": lens.width_px, "height": lens.height_px}, indent=1)
+    )
+    origin = dict(zip(("lat_deg", "lon_deg", "alt_m"), ORIGIN_GEODETIC, strict=True))
     footprints = [
         {"outline_m": np.round(f.outline_m, 3).tolist(), "height_m": round(f.height_m, 3), "use": f.use}
         for f in town.footprints

@@ -2,16 +2,20 @@ import numpy as np
 import pytest
 
 from aug3d_core.geometry.ply import Mesh
-from aug3d_core.testbed.town import Town, bend, build_town, coloured_mesh
+from aug3d_core.testbed.config import TownConfig
+from aug3d_core.testbed.terrain import HILLS, bend
+from aug3d_core.testbed.town import Town, build_town, coloured_mesh
+
+SMALL = TownConfig(length_m=60, width_m=60)
 
 
 @pytest.fixture(scope="module")
 def town() -> Town:
-    return build_town(60.0, 60.0, np.random.default_rng(3))
+    return build_town(SMALL, HILLS, np.random.default_rng(3))
 
 
 def test_the_same_seed_gives_the_same_town(town):
-    again = build_town(60.0, 60.0, np.random.default_rng(3))
+    again = build_town(SMALL, HILLS, np.random.default_rng(3))
     for a, b in ((town.ground, again.ground), (town.things, again.things)):
         for name in ("vertices", "triangles", "uv"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
