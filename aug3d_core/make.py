@@ -7,10 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from aug3d_core.errors import StageFailed
+from aug3d_core.formats.recognise import pose_digest, recognise
 from aug3d_core.isolation import run_isolated
 from aug3d_core.photos.discover import folder_digest
 from aug3d_core.stage import Frozen, Outcome, Progress, Stage, StageConfig
 from aug3d_core.stage_main import Job
+from aug3d_core.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES, FROM_TOWN
 from aug3d_core.store import layout
 from aug3d_core.store.keys import engine_versions, object_key, recipe
 from aug3d_core.store.record import Record
@@ -31,17 +33,39 @@ def source_of(store: Store, record: Record) -> Source:
     return Source(path=store.files_dir(record), digest=record.digest)
 
 
-def gather(store: Store, stage: Stage, records: Mapping[str, Record], photos: Path | None) -> dict[str, Source]:
-    """Return the inputs of a stage from the records so far; `photos` is the user's folder, or None for the town's."""
-    return {
-        name: _photo_folder(store, records, photos) if name == "folder" else source_of(store, records[name])
-        for name in stage.inputs
-    }
+class Material(Frozen):
+    """What the user gives: a folder of photographs, None for the built-in town; and poses of them, None to find them."""
+
+    photos: Path | None = None
+    poses: Path | None = None
+
+    def stages(self) -> tuple[Stage, ...]:
+        """Return the stages that make a scene of it; raises InputError if the poses are of no known kind."""
+        if self.photos is None:
+            return FROM_TOWN
+        if self.poses is None:
+            return FROM_PHOTOS
+        return FROM_MODEL if recognise(self.poses).has_points else FROM_POSES
 
 
-def _photo_folder(store: Store, records: Mapping[str, Record], photos: Path | None) -> Source:
-    folder = photos if photos is not None else store.files_dir(records["town"]) / layout.TOWN_PHOTOS
-    return Source(path=folder, digest=folder_digest(folder))
+def gather(store: Store, stage: Stage, records: Mapping[str, Record], material: Material) -> dict[str, Source]:
+    """Return the inputs of a stage from the records so far, and from what the user gave."""
+    return {name: _source(store, name, records, material) for name in stage.inputs}
+
+
+def ready(stage: Stage, records: Mapping[str, Record], material: Material) -> bool:
+    """Say whether all inputs of a stage are there."""
+    there = {*records, "given", *(["folder"] if material.photos or "town" in records else [])}
+    return there.issuperset(stage.inputs)
+
+
+def _source(store: Store, name: str, records: Mapping[str, Record], material: Material) -> Source:
+    if name == "folder":
+        folder = material.photos or store.files_dir(records["town"]) / layout.TOWN_PHOTOS
+        return Source(path=folder, digest=folder_digest(folder))
+    if name == "given" and material.poses:
+        return Source(path=material.poses, digest=pose_digest(material.poses))
+    return source_of(store, records[name])
 
 
 def key_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> str:

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError
 
 from aug3d_core.dataset import config as _dataset
 from aug3d_core.errors import UsageError
+from aug3d_core.formats import config as _formats
 from aug3d_core.grouping import config as _grouping
 from aug3d_core.nerf import config as _nerf
 from aug3d_core.photos import config as _photos
@@ -27,6 +28,7 @@ class SceneConfig(Frozen):
 
     town: _testbed.TownConfig = Field(description="The built-in town; used when there are no photographs.")
     photos: _photos.PhotosConfig = Field(description="Finding and checking photographs.")
+    poses: _formats.PosesConfig = Field(description="Camera poses that were given.")
     matching: _sfm.MatchingConfig = Field(description="Features, and which photographs show the same thing.")
     sfm: _sfm.SfmConfig = Field(description="Structure from motion.")
     truth: _testbed.TruthConfig = Field(description="Comparison with the town's truth.")
@@ -69,6 +71,7 @@ def _preset(name: str) -> SceneConfig:
     return SceneConfig(
         town=_testbed.PRESETS[name],
         photos=_photos.PRESETS[name],
+        poses=_formats.PRESETS[name],
         matching=_sfm.MATCHING_PRESETS[name],
         sfm=_sfm.PRESETS[name],
         truth=_testbed.TRUTH_PRESETS[name],

@@ -6,7 +6,10 @@ imported only in the process that runs them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.formats.config import PosesConfig
 from aug3d_core.grouping.config import GroupingConfig, SimilarityConfig
 from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
 from aug3d_core.photos.config import PhotosConfig
@@ -14,6 +17,7 @@ from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.sampling.config import SamplingConfig
 from aug3d_core.sfm.config import MatchingConfig, SfmConfig
 from aug3d_core.stage import Stage
+from aug3d_core.store import layout
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.testbed.config import MeshTruthConfig, TownConfig, TruthConfig
 
@@ -31,6 +35,13 @@ MATCHING = Stage(
 SFM = Stage(
     "sfm", SfmConfig, ("photos", "matching"), "aug3d_core.sfm.stage:run", ("pycolmap",), "reprojection_px", grows=True
 )
+POSES = Stage(
+    "poses", PosesConfig, ("photos", "given"), "aug3d_core.formats.stage:run", ("pycolmap", "torch"), "matched_share"
+)
+# What sfm makes, from poses that were given. Without points beside them, matches and the poses give the points.
+_IMPORT = "aug3d_core.sfm.import_stage:run"
+SFM_OF_MODEL = Stage("sfm", SfmConfig, ("photos", "poses"), _IMPORT, ("pycolmap",), "reprojection_px")
+SFM_OF_POSES = Stage("sfm", SfmConfig, ("photos", "poses", "matching"), _IMPORT, ("pycolmap",), "reprojection_px")
 TRUTH = Stage("truth", TruthConfig, ("town", "sfm"), "aug3d_core.testbed.truth_stage:run", (), "position_error_pct")
 SIMILARITY = Stage(
     "similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share"
@@ -93,6 +104,9 @@ EVALUATION = Stage(
 )
 
 FROM_PHOTOS = (PHOTOS, MATCHING, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
+_AFTER_SFM = FROM_PHOTOS[FROM_PHOTOS.index(SFM) + 1 :]
+FROM_POSES = (PHOTOS, POSES, MATCHING, SFM_OF_POSES, *_AFTER_SFM)
+FROM_MODEL = (PHOTOS, POSES, SFM_OF_MODEL, *_AFTER_SFM)
 _UP_TO_SURFACE = FROM_PHOTOS.index(SURFACE) + 1
 FROM_TOWN = (
     TOWN,
@@ -104,4 +118,10 @@ FROM_TOWN = (
     MESH_TRUTH,
     *FROM_PHOTOS[_UP_TO_SURFACE:],
 )
-STAGES = {stage.name: stage for stage in FROM_TOWN}
+STAGES = {stage.name: stage for stage in (*FROM_TOWN, POSES)}
+_BY_INPUTS = {(stage.name, frozenset(stage.inputs)): stage for stage in (*FROM_TOWN, *FROM_POSES, *FROM_MODEL)}
+
+
+def stage_reading(name: str, inputs: Iterable[str]) -> Stage:
+    """Return the stage of a name that reads these inputs: sfm from matches is other work than sfm from given poses."""
+    return _BY_INPUTS.get((name, frozenset(inputs) - {layout.EARLIER}), STAGES[name])

@@ -16,8 +16,10 @@ from rich.markup import escape
 
 from aug3d_core.doctor import examine
 from aug3d_core.errors import Aug3dError, StageFailed, UsageError
+from aug3d_core.make import Material
 from aug3d_core.scene_config import PRESETS, SceneConfig, scene_config
 from aug3d_core.scene_name import check_scene_name
+from aug3d_core.stage import Stage
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
 from flows.bench import bench
@@ -56,13 +58,19 @@ def demo(
 ) -> None:
     """Run the whole factory on the built-in town: minutes on 2 cores. A second time nothing is computed again."""
     with _typed_errors(as_json):
-        _run("demo", None, home, preset, set_, as_json, dry_run)
+        _run("demo", Material(), home, preset, set_, as_json, dry_run)
 
 
 @app.command()
 def run(
     scene: Annotated[str, typer.Argument(help="Name of the scene: letters, digits, '-' and '_'.")],
     photos: Annotated[Path, typer.Option(help="Folder of photographs (JPEG, PNG, TIFF; subfolders too).")],
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            help="Take camera poses from here: COLMAP model, nerfstudio transforms.json, or Mega-NeRF folder."
+        ),
+    ] = None,
     home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     set_: Set = [],
@@ -78,7 +86,8 @@ def run(
         if not photos.is_dir():
             what = "is a file, not a folder" if photos.exists() else "does not exist"
             raise UsageError(f"--photos {photos} {what}", "give the folder that holds the photographs")
-        _run(scene, photos.resolve(), home, preset, set_, as_json, dry_run)
+        material = Material(photos=photos.resolve(), poses=poses.resolve() if poses else None)
+        _run(scene, material, home, preset, set_, as_json, dry_run)
 
 
 @app.command()
@@ -113,15 +122,16 @@ def doctor(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
 
 
 def _run(
-    scene: str, photos: Path | None, home: Path, preset: str, overrides: list[str], as_json: bool, dry_run: bool
+    scene: str, material: Material, home: Path, preset: str, overrides: list[str], as_json: bool, dry_run: bool
 ) -> None:
+    stages = material.stages()  # poses that cannot be read are told before anything is started
     config = scene_config(preset, overrides)
     store = Store(home)
     if dry_run:
-        _print_plan(store, photos, config, as_json)
+        _print_plan(store, material, config, as_json)
         return
     check_servers()
-    metrics = _run_flow(store, scene, photos, preset, config, Console(stderr=as_json))
+    metrics = _run_flow(store, scene, material, stages, preset, config, Console(stderr=as_json))
     if as_json:
         print(json.dumps(metrics, indent=1))
     else:
@@ -131,7 +141,13 @@ def _run(
 
 
 def _run_flow(
-    store: Store, scene: str, photos: Path | None, preset: str, config: SceneConfig, console: Console
+    store: Store,
+    scene: str,
+    material: Material,
+    stages: tuple[Stage, ...],
+    preset: str,
+    config: SceneConfig,
+    console: Console,
 ) -> dict[str, Any]:
     apply_local_environment(store.root)
     console.print(
@@ -139,17 +155,17 @@ def _run_flow(
     )
     with prefect_server(store.root):
         # Prefect reads its settings when it is imported, so it is imported after they are set.
-        from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
         from flows.display import Display
         from flows.factory import factory
         from tasks.progress import listening
 
-        with Display(console, FROM_PHOTOS if photos else FROM_TOWN) as display, listening(display):
-            return factory(scene, str(photos) if photos else None, preset, config, str(store.root))
+        photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
+        with Display(console, stages) as display, listening(display):
+            return factory(scene, photos, preset, config, str(store.root), poses)
 
 
-def _print_plan(store: Store, photos: Path | None, config: SceneConfig, as_json: bool) -> None:
-    plan = [(stage.name, record is not None) for stage, record in planned(store, photos, config)]
+def _print_plan(store: Store, material: Material, config: SceneConfig, as_json: bool) -> None:
+    plan = [(stage.name, record is not None) for stage, record in planned(store, material, config)]
     if as_json:
         print(json.dumps([{"stage": name, "cached": cached} for name, cached in plan], indent=1))
         return

@@ -12,9 +12,8 @@ from prefect import flow
 from aug3d_core.charts.report import write_report
 from aug3d_core.charts.scene_metrics import scene_metrics
 from aug3d_core.errors import Aug3dError, StoreError
-from aug3d_core.make import gather
+from aug3d_core.make import Material, gather
 from aug3d_core.scene_config import SceneConfig
-from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
@@ -25,18 +24,21 @@ from tasks.tracking import log_run
 
 
 @flow(name="factory", flow_run_name="{scene} {preset}")
-def factory(scene: str, photos: str | None, preset: str, config: SceneConfig, home: str) -> dict[str, Any]:
+def factory(
+    scene: str, photos: str | None, preset: str, config: SceneConfig, home: str, poses: str | None = None
+) -> dict[str, Any]:
     """Regenerate a scene as far as something changed; returns what its `metrics.json` holds.
 
-    Without photographs the scene is the built-in town. The typed error of a failed stage is raised after everything done
-    before it has been recorded.
+    Without photographs the scene is the built-in town; poses that are given are not computed. The typed error of a failed
+    stage is raised after everything done before it has been recorded.
     """
-    store, folder = Store(Path(home)), Path(photos) if photos else None
+    store = Store(Path(home))
+    material = Material(photos=Path(photos) if photos else None, poses=Path(poses) if poses else None)
     made: dict[str, Made] = {}
     started = time.monotonic()
     try:
-        for stage in FROM_PHOTOS if folder else FROM_TOWN:
-            sources = gather(store, stage, {name: m.record for name, m in made.items()}, folder)
+        for stage in material.stages():
+            sources = gather(store, stage, {name: m.record for name, m in made.items()}, material)
             made[stage.name] = run_stage(store, stage, getattr(config, stage.name), sources)
     except Aug3dError as error:
         with suppress(StoreError):  # MLflow's trouble must not hide the stage's

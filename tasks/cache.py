@@ -10,7 +10,7 @@ from prefect.context import TaskRunContext
 from prefect.settings import get_current_settings
 
 from aug3d_core.make import key_of
-from aug3d_core.stages import STAGES
+from aug3d_core.stages import stage_reading
 from aug3d_core.store.store import Store
 
 
@@ -25,7 +25,8 @@ class ObjectCache(CachePolicy):
         self, task_ctx: TaskRunContext, inputs: dict[str, Any], flow_parameters: dict[str, Any], **_: Any
     ) -> str:
         """Return `<stage>-<key>`; drop a result whose object the store no longer has."""
-        key = key_of(STAGES[inputs["stage"]], inputs["config"], inputs["sources"])
+        stage = stage_reading(inputs["stage"], inputs["sources"])
+        key = key_of(stage, inputs["config"], inputs["sources"])
         name = f"{inputs['stage']}-{key}"
         if Store(Path(inputs["home"])).find(inputs["stage"], key) is None:
             (get_current_settings().results.local_storage_path / name).unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from prefect.client.schemas.objects import State, TaskRun
 from aug3d_core.errors import StageFailed
 from aug3d_core.make import Source, key_of, make
 from aug3d_core.stage import Stage, StageConfig
-from aug3d_core.stages import STAGES
+from aug3d_core.stages import stage_reading
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 from tasks import artifacts, progress
@@ -45,7 +45,7 @@ async def _worth_a_retry(_task: Any, _run: TaskRun, state: State) -> bool:
 )
 def make_object(stage: str, config: StageConfig, sources: dict[str, Source], home: str) -> Record:
     """Compute an object in a process of its own; raises StageFailed."""
-    return make(Store(Path(home)), STAGES[stage], config, sources, progress.reporter(stage))
+    return make(Store(Path(home)), stage_reading(stage, sources), config, sources, progress.reporter(stage))
 
 
 def run_stage(store: Store, stage: Stage, config: StageConfig, sources: dict[str, Source]) -> Made:

@@ -13,10 +13,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = ("aug3d_core", "tasks", "flows")
 DOORS = {
-    "pycolmap": {"aug3d_core/sfm"},
+    "pycolmap": {"aug3d_core/sfm", "aug3d_core/formats/colmap.py"},
     "open3d": {"aug3d_core/surface"},
     "bpy": {"aug3d_core/rendering"},
-    "torch": {"aug3d_core/nerf"},
+    "torch": {"aug3d_core/nerf", "aug3d_core/formats/torch_files.py"},
     "prefect": {"tasks", "flows"},
     "mlflow": {"tasks"},
 }

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aug3d_core.errors import StageFailed
-from aug3d_core.make import gather, make
+from aug3d_core.make import Material, gather, make
 from aug3d_core.scene_config import scene_config
 from aug3d_core.stage import Metric
-from aug3d_core.stages import FROM_PHOTOS, FROM_TOWN
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
@@ -46,8 +45,9 @@ def run_trial(
     """
     config = scene_config(preset, overrides)
     records: dict[str, Record] = {}
-    for stage in FROM_PHOTOS if photos else FROM_TOWN:
-        sources = gather(store, stage, records, photos)
+    material = Material(photos=photos)
+    for stage in material.stages():
+        sources = gather(store, stage, records, material)
         try:
             records[stage.name] = make(
                 store,

@@ -39,6 +39,10 @@ REJECTED_TABLE = "rejected.parquet"
 PHOTO_IMAGES = "images"
 CONTACT_SHEET = "contact_sheet.jpg"
 
+# poses
+GIVEN_POSES = "poses.json"
+GIVEN_MODEL = "model"
+
 # matching
 FEATURES = "features.db"
 MATCHING_TABLE = "matching.parquet"

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from aug3d_core.errors import StageFailed
-from aug3d_core.make import gather
+from aug3d_core.make import Material, gather
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.stages import PHOTOS
 from aug3d_core.store.store import Store
@@ -36,7 +36,7 @@ def make_photos(home: Path, folder: Path):
 
     @flow
     def only_photos():
-        return run_stage(store, PHOTOS, PhotosConfig(), gather(store, PHOTOS, {}, folder))
+        return run_stage(store, PHOTOS, PhotosConfig(), gather(store, PHOTOS, {}, Material(photos=folder)))
 
     return only_photos()
 
