@@ -1,0 +1,130 @@
+"""Move a finished reconstruction into the world, and write it with its records: what every later stage reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pycolmap
+
+from aug3d_core.geometry.transforms import centres
+from aug3d_core.sfm import export
+from aug3d_core.sfm.align import Alignment, align
+from aug3d_core.sfm.pairs import gps_positions
+from aug3d_core.sfm.picture import draw_map
+from aug3d_core.stage import Metric
+from aug3d_core.store import layout
+
+
+def align_model(model: pycolmap.Reconstruction, photos: pd.DataFrame, rng: np.random.Generator) -> Alignment:
+    """Move the model into the world."""
+    gps_enu_m, _ = gps_positions(photos)
+    placed = [export.photo_id(image) for image in export.registered(model)]
+    arrays = export.to_arrays(model)
+    at = centres(arrays.views.cam_from_world)
+    depth = np.linalg.norm(arrays.points.xyz[arrays.tracks.point] - at[arrays.tracks.view], axis=1)
+    alignment = align(arrays.views.cam_from_world, arrays.points.xyz, float(np.median(depth)), gps_enu_m[placed], rng)
+    fit = alignment.world_from_model
+    model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
+    return alignment
+
+
+def write_outputs(
+    model: pycolmap.Reconstruction,
+    others: Sequence[pycolmap.Reconstruction],
+    alignment: Alignment,
+    photos: pd.DataFrame,
+    images: Path,
+    out: Path,
+) -> export.Arrays:
+    """Write the model, which is in the world, as arrays, undistorted images, COLMAP files, records and a map.
+
+    others: reconstructions of further photographs, each in a frame of its own. images: folder of the photographs' working
+    copies. Returns the arrays that were written.
+    """
+    arrays = export.to_arrays(model)
+    arrays.views.save(out / layout.VIEWS)
+    arrays.points.save(out / layout.POINTS)
+    arrays.tracks.save(out / layout.TRACKS)
+    export.write_undistorted(model, images, out / layout.VIEW_IMAGES)
+    folders = [layout.COLMAP_MODEL, *(f"{layout.OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
+    for each, folder in zip([model, *others], folders, strict=True):
+        (out / folder).mkdir(parents=True)
+        each.write_binary(out / folder)
+    _write_json(_components([model, *others], folders, photos), out / layout.COMPONENTS)
+    world = world_record(alignment, photos)
+    _write_json(world, out / layout.WORLD)
+    draw_map(arrays.views, arrays.points, world["unit"], out / layout.SFM_MAP)
+    return arrays
+
+
+def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
+    """Return what `world.json` says. The origin is where on earth (0, 0, 0) is, its altitude null if GPS had none."""
+    unit = "m" if alignment.metric else "scene unit"
+    record = {"metric": alignment.metric, "unit": unit, "up_from": alignment.up_from}
+    if not alignment.metric:
+        return record | {"origin": None, "gps_residual_m_median": None}
+    lat_deg, lon_deg, alt_m = gps_positions(photos)[1]
+    alt_m = float(alt_m + alignment.up_offset_m) if np.isfinite(photos["alt_m"].to_numpy()).any() else None
+    return record | {
+        "origin": {"lat_deg": float(lat_deg), "lon_deg": float(lon_deg), "alt_m": alt_m},
+        "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)),
+    }
+
+
+def model_metrics(
+    model: pycolmap.Reconstruction, arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame
+) -> dict[str, Metric]:
+    """Return the figures of a model that was written."""
+    camera = model.camera(export.registered(model)[0].camera_id)
+    heights = centres(arrays.views.cam_from_world)[:, 2]
+    return {
+        "photos": len(photos),
+        "registered": len(arrays.views),
+        "registered_share": len(arrays.views) / len(photos),
+        "points": len(arrays.points.xyz),
+        "observations": len(arrays.tracks.point),
+        "reprojection_px": model.compute_mean_reprojection_error(),
+        "track_length_mean": len(arrays.tracks.point) / max(1, len(arrays.points.xyz)),
+        "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)) if alignment.metric else None,
+        "camera_height_m_median" if alignment.metric else "camera_height_units_median": float(np.median(heights)),
+        "up_from": alignment.up_from,
+        "camera_model": camera.model_name,
+        "focal_px": camera.mean_focal_length(),
+    }
+
+
+def alignment_notes(alignment: Alignment) -> tuple[str, ...]:
+    """Say in words why the scale is nominal, if it is."""
+    if alignment.problem:
+        return (f"GPS is not used, the scale is nominal: {alignment.problem}",)
+    if not alignment.metric:
+        return ("no GPS: the scale is nominal, with the median camera 50 scene units above the ground",)
+    return ()
+
+
+def _components(
+    models: Sequence[pycolmap.Reconstruction], folders: Sequence[str], photos: pd.DataFrame
+) -> dict[str, Any]:
+    components = [
+        {
+            "photo_ids": [export.photo_id(image) for image in export.registered(model)],
+            "points": model.num_points3D(),
+            "folder": folder,
+        }
+        for model, folder in zip(models, folders, strict=True)
+    ]
+    placed = {photo_id for component in components for photo_id in component["photo_ids"]}
+    return {
+        "components": components,
+        "in_no_component": [int(photo_id) for photo_id in photos["photo_id"] if photo_id not in placed],
+        "photo_sha256": photos["sha256"].tolist(),  # by photo_id: tells a later run which of its photographs these are
+    }
+
+
+def _write_json(record: dict[str, Any], path: Path) -> None:
+    path.write_text(json.dumps(record, indent=1))
