@@ -1,0 +1,175 @@
+"""The sfm stage from given poses: the same outputs, nothing adjusted, and refused where photographs contradict the poses."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pycolmap
+from jaxtyping import Float
+
+from aug3d_core.errors import InputError
+from aug3d_core.formats.colmap import read_model
+from aug3d_core.formats.given import Given, read_given
+from aug3d_core.photos.table import read_photos
+from aug3d_core.sfm import export
+from aug3d_core.sfm.agreement import detail_agreement
+from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.given_model import matched_keypoints, triangulated, with_given_points
+from aug3d_core.sfm.mapping import SMALLEST_MODEL
+from aug3d_core.sfm.write import align_model, alignment_notes, model_metrics, write_outputs
+from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.store import layout
+
+_LEAST_DETAIL = 0.5  # correlation; `agreement.py` says what right and wrong photographs have
+_LEAST_FITTING = 0.3  # share; right poses of the town have 0.9
+_FEWEST_MATCHED = 20
+_MOST_CONTRADICTED = 0.5
+_LOOSE_PX = 1.5  # at the working copies' size; structure from motion ends below 1
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class _Check:
+    """How points come about, and how well each photograph, by photo id, fits them: NaN if too little of it can be told."""
+
+    build: Callable[[Sequence[Given]], pycolmap.Reconstruction]
+    fit: Callable[[pycolmap.Reconstruction], Float[np.ndarray, " n"]]
+    least: float
+    meaning: str
+
+
+def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
+    """Take the given poses, leave out photographs that contradict theirs; raises InputError where most of them do."""
+    pycolmap.logging.minloglevel = 1
+    photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
+    given = read_given(inputs["poses"])
+    progress(0, len(given), "poses being checked against the photographs")
+    with tempfile.TemporaryDirectory(dir=out) as scratch:
+        check = _by_matches(inputs, config, Path(scratch)) if "matching" in inputs else _by_points(inputs)
+        model, fit, refused = _agreeing(given, check, photos)
+    progress(len(given), len(given), "poses checked; writing photographs undistorted")
+    alignment = align_model(model, photos, np.random.default_rng(config.seed))
+    arrays = write_outputs(model, [], alignment, photos, images, out)
+    metrics = model_metrics(model, arrays, alignment, photos) | {
+        "components": 1,
+        "photos_fit_median": float(np.nanmedian(fit)),
+        "photos_contradicted": len(refused),
+    }
+    loose = model.compute_mean_reprojection_error() > _LOOSE_PX
+    notes = _notes(photos, {one.photo_id for one in given}, refused, check)
+    if loose:
+        notes += (
+            f"poses and photographs fit loosely: {metrics['reprojection_px']:.1f} px between points and pictures",
+        )
+    few = len(arrays.views) < 0.5 * len(photos)
+    return Outcome(
+        metrics=metrics,
+        state="degraded" if few or refused or loose or alignment.problem else "ok",
+        notes=notes + alignment_notes(alignment),
+        pictures={"Points and cameras from above": layout.SFM_MAP},
+    )
+
+
+def _by_points(inputs: Inputs) -> _Check:
+    """Take the points that came with the poses; what photographs show there must be alike."""
+    source = read_model(inputs["poses"] / layout.GIVEN_MODEL)
+    images = inputs["photos"] / layout.PHOTO_IMAGES
+
+    def fit(model: pycolmap.Reconstruction) -> Float[np.ndarray, " n"]:
+        placed = export.registered(model)
+        seen = [image.get_observation_points2D() for image in placed]
+        files = [images / image.name for image in placed]
+        view = np.repeat(np.arange(len(placed)), [len(points) for points in seen])
+        point = np.unique([one.point3D_id for points in seen for one in points], return_inverse=True)[1]
+        xy = np.array([one.xy for points in seen for one in points], float).reshape(-1, 2)
+        return detail_agreement(files, view, point.ravel(), xy)
+
+    return _Check(lambda given: with_given_points(given, source), fit, _LEAST_DETAIL, "correlation at the given points")
+
+
+def _by_matches(inputs: Inputs, config: SfmConfig, scratch: Path) -> _Check:
+    """Triangulate the matches; they must fit the poses."""
+    features = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
+    images = inputs["photos"] / layout.PHOTO_IMAGES
+
+    def fit(model: pycolmap.Reconstruction) -> Float[np.ndarray, " n"]:
+        placed = export.registered(model)
+        matched = matched_keypoints(features, {image.image_id for image in placed})
+        return np.array(
+            [
+                image.num_points3D / count if (count := matched[image.image_id]) >= _FEWEST_MATCHED else np.nan
+                for image in placed
+            ]
+        )
+
+    return _Check(
+        lambda given: triangulated(given, features, images, config.seed),
+        fit,
+        _LEAST_FITTING,
+        "share of matched features that fit the poses",
+    )
+
+
+def _agreeing(
+    given: Sequence[Given], check: _Check, photos: pd.DataFrame
+) -> tuple[pycolmap.Reconstruction, Float[np.ndarray, " n"], list[int]]:
+    """Return the model of the photographs that agree with it, how well each fits, and the ids of those left out."""
+    model = check.build(given)
+    fit = check.fit(model)
+    ids = np.array([export.photo_id(image) for image in export.registered(model)])
+    wrong = fit < check.least
+    told = np.isfinite(fit).sum()
+    if told < SMALLEST_MODEL or wrong.sum() > _MOST_CONTRADICTED * told or model.num_points3D() == 0:
+        raise _contradiction(photos, ids, fit, wrong, check)
+    if not wrong.any():
+        return model, fit, []
+    # A wrong pose spoils the points of its neighbours too, so the rest is built again without it.
+    refused = ids[wrong].tolist()
+    model = check.build([one for one in given if one.photo_id not in refused])
+    return model, check.fit(model), refused
+
+
+def _contradiction(
+    photos: pd.DataFrame, ids: np.ndarray, fit: np.ndarray, wrong: np.ndarray, check: _Check
+) -> InputError:
+    names = photos.set_index("photo_id")["name"]
+    if wrong.any():
+        worst = ids[np.argsort(np.where(wrong, fit, np.inf))[:_NAMED]]
+        problem = (
+            f"the photographs contradict the given poses: {wrong.sum()} of {len(ids)} do not fit, {names[worst[0]]} "
+            f"first ({check.meaning}: median {np.nanmedian(fit):.2f}, at least {check.least} wanted)"
+        )
+    else:
+        problem = (
+            f"the given poses cannot be checked: of {len(ids)} photographs only {np.isfinite(fit).sum()} share enough "
+            "points with others"
+        )
+    return InputError(
+        problem,
+        "Give the poses of exactly these photographs (the same names may stand for another flight), with their cameras; "
+        "or leave out --poses to have them computed.",
+    )
+
+
+def _notes(photos: pd.DataFrame, given: set[int], refused: list[int], check: _Check) -> tuple[str, ...]:
+    names = photos.set_index("photo_id")["name"]
+    without = [name for photo_id, name in names.items() if photo_id not in given]
+    notes = []
+    if refused:
+        notes.append(
+            f"{len(refused)} photographs are left out because they contradict their given pose ({check.meaning} under "
+            f"{check.least}): {_listed([names[photo_id] for photo_id in refused])}"
+        )
+    if without:
+        notes.append(f"{len(without)} of {len(photos)} photographs have no given pose: {_listed(without)}")
+    return tuple(notes)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
