@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert
@@ -104,3 +105,45 @@ def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_
     ]
     best = np.unravel_index(np.argmax(fit), (13, 13))
     assert np.abs(np.array(best) - 6).max() <= 1
+
+
+def test_a_lens_bends_the_photograph_as_the_truth_says(tmp_path):
+    """The straight and the bent photograph of one pose agree where the written formula says, at the rim too."""
+    config = CONFIG.model_copy(update={"max_photos": 1, "noise_levels": 0.0, "samples": 8})
+    images = {}
+    for name, k1 in (("straight", 0.0), ("bent", -0.12)):
+        out = tmp_path / name
+        out.mkdir()
+        run({}, config.model_copy(update={"radial_k1": k1}), out, lambda *_: None)
+        images[name] = photo(out, 0)
+    lens = json.loads((tmp_path / "bent" / layout.TRUTH_LENS).read_text())
+    assert lens["model"] == "RADIAL" and (lens["width"], lens["height"]) == (320, 240)
+    focal, cx, cy, k1, k2 = lens["params"]
+    assert k1 == -0.12 and focal == pytest.approx(CONFIG.focal_px)
+    # Barrel distortion: the bent picture shows all that the straight one does, so each straight pixel can be looked up.
+    x, y = np.meshgrid((np.arange(320) + 0.5 - cx) / focal, (np.arange(240) + 0.5 - cy) / focal)
+    grow = 1 + k1 * (x**2 + y**2) + k2 * (x**2 + y**2) ** 2
+    at = [focal * y * grow + cy - 0.5, focal * x * grow + cx - 0.5]
+    straightened, offset = map_coordinates(images["bent"], at, order=1), 0.12 * 0.8**2 * 200
+    assert offset > 10, "at the corner the lens moves the picture by more than ten pixels"
+    fine = gaussian_filter(images["straight"], 1), gaussian_filter(straightened, 1)
+    for rows in (slice(5, 60), slice(90, 150), slice(180, 235)):
+        for columns in (slice(5, 70), slice(130, 190), slice(250, 315)):
+            a, b = fine[0][rows, columns].ravel(), fine[1][rows, columns].ravel()
+            assert np.corrcoef(a, b)[0, 1] > 0.97
+
+
+def test_every_fault_at_once_still_makes_a_flight(tmp_path):
+    config = CONFIG.model_copy(
+        update={
+            "path": "oblique", "terrain": "terraces", "lake": True, "bare_roofs": True, "buildings": "identical",
+            "blur_px": 2.0, "blur_share": 0.5, "exposure_factor": 1.6, "radial_k1": 0.05, "noise_levels": 4.0,
+            "gps": False, "exif_focal_factor": 0.0, "max_photos": 4, "width_px": 160,
+        }
+    )  # fmt: skip
+    outcome = run({}, config, tmp_path, lambda *_: None)
+    assert outcome.metrics["photos"] == 4
+    with Image.open(tmp_path / layout.TOWN_PHOTOS / photo_name(3)) as image:
+        exif = read_exif(image)
+        assert image.size == (160, 120)
+    assert np.isnan(exif.focal_px) and np.isnan(exif.lat_deg) and exif.time is not None

@@ -5,6 +5,7 @@ from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.testbed import flight
 from aug3d_core.testbed.config import PRESETS, TownConfig
 from aug3d_core.testbed.flight import plan_flight
+from aug3d_core.testbed.paths import PATHS
 
 
 @pytest.fixture
@@ -54,3 +55,17 @@ def test_poses_are_rigid_and_repeat():
     )
     np.testing.assert_allclose(np.linalg.det(rotation), 1)
     assert views.photo_id.tolist() == list(range(len(views)))
+
+
+def test_a_flight_may_end_early():
+    whole, short = (plan_flight(TownConfig(max_photos=n), np.random.default_rng(5)) for n in (None, 7))
+    assert len(short) == 7
+    np.testing.assert_array_equal(short.cam_from_world, whole.cam_from_world[:7])
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_every_path_makes_rigid_cameras_that_look_down(path):
+    views = plan_flight(TownConfig(path=path), np.random.default_rng(5))
+    rotation = views.cam_from_world[:, :, :3]
+    np.testing.assert_allclose(np.linalg.det(rotation), 1)
+    assert (forward(views.cam_from_world)[:, 2] < -0.7).all()
