@@ -16,6 +16,7 @@ from rich.markup import escape
 
 from aug3d_core.doctor import examine
 from aug3d_core.errors import Aug3dError, StageFailed, UsageError
+from aug3d_core.formats.recognise import COLMAP, NERFSTUDIO
 from aug3d_core.make import Material
 from aug3d_core.scene_config import PRESETS, SceneConfig, scene_config
 from aug3d_core.scene_name import check_scene_name
@@ -104,6 +105,31 @@ def show(
             _print_failure(metrics)
 
 
+@app.command("export")
+def export_scene(
+    scene: Annotated[str, typer.Argument(help="Name of the scene.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
+    form: Annotated[str, typer.Option("--format", help=f"For which tools: {COLMAP} or {NERFSTUDIO}.")],
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
+) -> None:
+    """Write a scene's poses, points and undistorted photographs for other tools."""
+    from aug3d_core.formats.export import IMAGES, export  # with scipy and pandas, which other commands do without
+
+    with _typed_errors(as_json):
+        objects = last_version(Store(home), scene)["paths"]["objects"]
+        if "sfm" not in objects:
+            raise UsageError(
+                f"scene {scene!r} has no camera poses: its last run ended before",
+                f"see aug3d show {scene}, then run again",
+            )
+        views = export(Path(objects["sfm"]), Path(objects["photos"]), form, folder)
+        if as_json:
+            print(json.dumps({"folder": str(folder), "format": form, "views": views}))
+        else:
+            _print_exported(form, folder, folder / IMAGES, views)
+
+
 @app.command()
 def doctor(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """Check whether this machine can run aug3d: Python, libraries, disk, memory, GPU; and what to do if not."""
@@ -184,6 +210,15 @@ def _print_next(scene: str) -> None:
     aug3d = program("aug3d")
     print(f"\nnext  {aug3d} run my_scene --photos DIR   (your own photographs)")
     print(f"      {aug3d} show {scene}   (this table again)")
+
+
+def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
+    print(f"{views} undistorted photographs and their poses are in {folder}")
+    if form == COLMAP:
+        print(f"\nnext  colmap gui --import_path {folder}/sparse/0 --image_path {images}")
+    else:
+        print(f"\nnext  ns-train splatfacto --data {folder}")
+    print(f"      {program('aug3d')} run my_scene --photos {images} --poses {folder}   (back into aug3d)")
 
 
 @contextmanager

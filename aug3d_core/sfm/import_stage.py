@@ -138,7 +138,7 @@ def _agreeing(
 def _contradiction(
     photos: pd.DataFrame, ids: np.ndarray, fit: np.ndarray, wrong: np.ndarray, check: _Check
 ) -> InputError:
-    names = photos.set_index("photo_id")["name"]
+    names: dict[int, str] = dict(zip(photos["photo_id"], photos["name"], strict=True))
     if wrong.any():
         worst = ids[np.argsort(np.where(wrong, fit, np.inf))[:_NAMED]]
         problem = (
@@ -158,7 +158,7 @@ def _contradiction(
 
 
 def _notes(photos: pd.DataFrame, given: set[int], refused: list[int], check: _Check) -> tuple[str, ...]:
-    names = photos.set_index("photo_id")["name"]
+    names: dict[int, str] = dict(zip(photos["photo_id"], photos["name"], strict=True))
     without = [name for photo_id, name in names.items() if photo_id not in given]
     notes = []
     if refused:

@@ -1,0 +1,66 @@
+"""A scene's poses, points and undistorted photographs -> a folder that COLMAP's or nerfstudio's tools read.
+
+The world is ours: ENU metres or level scene units, z up. Photographs keep their names, with `.png` added: these are
+undistorted copies, and must not be taken for the originals.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aug3d_core.errors import UsageError
+from aug3d_core.formats.cameras import world_from_gl
+from aug3d_core.formats.colmap_text import write_model
+from aug3d_core.formats.recognise import COLMAP, NERFSTUDIO, TRANSFORMS
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.transforms import homogeneous
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.photos.table import read_photos
+from aug3d_core.store import layout
+
+FORMATS = (COLMAP, NERFSTUDIO)
+IMAGES = "images"
+_MODEL = "sparse/0"
+_CLOUD = "sparse_pc.ply"
+
+
+def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
+    """Write a scene's sfm output in a format, and return how many views; raises UsageError if the folder is not empty."""
+    if form not in FORMATS:
+        raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join(FORMATS)}")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(f"{folder} is not an empty folder", "name a new folder, so that nothing there is overwritten")
+    views, points = Views.load(sfm / layout.VIEWS), Points.load(sfm / layout.POINTS)
+    table = read_photos(photos)
+    original = dict(zip(table["photo_id"], table["name"], strict=True))
+    names = [f"{original[photo_id]}.png" for photo_id in views.photo_id]
+    for photo_id, name in zip(views.photo_id, names, strict=True):
+        target = folder / IMAGES / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(sfm / layout.VIEW_IMAGES / layout.image_name(photo_id), target)
+    if form == COLMAP:
+        write_model(views, points, Tracks.load(sfm / layout.TRACKS), names, folder / _MODEL)
+    else:
+        _write_nerfstudio(views, points, names, folder)
+    return len(views)
+
+
+def _write_nerfstudio(views: Views, points: Points, names: Sequence[str], folder: Path) -> None:
+    poses = homogeneous(world_from_gl(views.cam_from_world))
+    frames = [
+        {"file_path": f"{IMAGES}/{name}", "transform_matrix": pose.tolist(), **_camera(size, intrinsics)}
+        for name, pose, size, intrinsics in zip(names, poses, views.size, views.intrinsics, strict=True)
+    ]
+    whole = {"camera_model": "OPENCV", "ply_file_path": _CLOUD, "frames": frames}
+    (folder / TRANSFORMS).write_text(json.dumps(whole, indent=1))
+    Mesh(points.xyz, points.rgb, np.zeros((0, 3), int)).save(folder / _CLOUD)
+
+
+def _camera(size: np.ndarray, intrinsics: np.ndarray) -> dict[str, float]:
+    fl_x, fl_y, cx, cy = intrinsics.tolist()
+    return {"w": int(size[0]), "h": int(size[1]), "fl_x": fl_x, "fl_y": fl_y, "cx": cx, "cy": cy}
