@@ -12,7 +12,8 @@ from jaxtyping import install_import_hook
 
 # The shapes in the annotations are checked while testing; this must run before aug3d_core is imported.
 install_import_hook(
-    ["aug3d_core.geometry", "aug3d_core.grouping", "aug3d_core.photos", "aug3d_core.sfm"], "beartype.beartype"
+    ["aug3d_core.formats", "aug3d_core.geometry", "aug3d_core.grouping", "aug3d_core.photos", "aug3d_core.sfm"],
+    "beartype.beartype",
 )
 
 # Repeatable, quick, and deaf to a busy machine.

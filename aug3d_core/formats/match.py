@@ -23,22 +23,23 @@ def match_photos(entries: Sequence[Entry], photos: pd.DataFrame) -> list[Given]:
     """Find the photograph of each entry; raises InputError if hardly any are there, or a shape does not fit.
 
     A name is that of a photograph if the file names agree, else if the names without ending do; folders decide between
-    photographs of the same file name.
+    photographs of the same file name, and between names of the same entry.
     """
     by_name, by_stem = _indices(photos["name"])
     found: dict[int, tuple[Entry, Camera]] = {}
     for entry in entries:
-        for name, camera in entry.names:
-            index = _find(name, by_name, by_stem, entry.where)
-            if index is None:
-                continue
-            if index in found:
-                raise InputError(
-                    f"{entry.where} and {found[index][0].where} are both the photograph {photos['name'].iloc[index]}",
-                    "Remove one of them, or name the photographs so that their folders tell them apart.",
-                )
-            found[index] = entry, camera
-            break
+        places = [
+            (place, camera) for name, camera in entry.names if (place := _find(name, by_name, by_stem, entry.where))
+        ]
+        if not places:
+            continue
+        (index, _), camera = max(places, key=lambda one: one[0][1])  # the first of equals
+        if index in found:
+            raise InputError(
+                f"{entry.where} and {found[index][0].where} are both the photograph {photos['name'].iloc[index]}",
+                "Remove one of them, or name the photographs so that their folders tell them apart.",
+            )
+        found[index] = entry, camera
     if len(found) < max(FEWEST, _LEAST_SHARE * min(len(entries), len(photos))):
         raise _other_photos(entries, photos, len(found))
     return [_given(photos.iloc[index].to_dict(), entry, camera) for index, (entry, camera) in sorted(found.items())]
@@ -53,12 +54,13 @@ def _indices(names: Iterable[str]) -> tuple[dict[str, list], dict[str, list]]:
     return by_name, by_stem
 
 
-def _find(name: str, by_name: dict[str, list], by_stem: dict[str, list], where: str) -> int | None:
+def _find(name: str, by_name: dict[str, list], by_stem: dict[str, list], where: str) -> tuple[int, int] | None:
+    """Return the photograph's row and how many folders it has in common with the name."""
     path = PurePosixPath(name.replace("\\", "/"))
     # A name without an ending, as Mega-NeRF's copies have, is a stem already.
-    candidates = by_name.get(path.name.lower()) or by_stem.get(path.stem.lower()) or by_stem.get(path.name.lower(), [])
-    if len(candidates) < 2:
-        return candidates[0][0] if candidates else None
+    candidates = by_name.get(path.name.lower()) or by_stem.get(path.stem.lower()) or by_stem.get(path.name.lower())
+    if not candidates:
+        return None
     common = [_common_folders(path, candidate) for _, candidate in candidates]
     if common.count(max(common)) > 1:
         names = ", ".join(str(candidate) for _, candidate in candidates[:_EXAMPLES])
@@ -66,7 +68,7 @@ def _find(name: str, by_name: dict[str, list], by_stem: dict[str, list], where: 
             f"{where} may be any of the photographs {names}",
             "Give the photographs' folders their names in the pose file.",
         )
-    return candidates[common.index(max(common))][0]
+    return candidates[common.index(max(common))][0], max(common)
 
 
 def _common_folders(a: PurePosixPath, b: PurePosixPath) -> int:
