@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from aug3d_core.stage import StageConfig
@@ -11,14 +13,16 @@ class MatchingConfig(StageConfig):
     """How many features, and which pairs of photographs are compared."""
 
     max_features: int = Field(default=4096, ge=256, le=65536, description="Most keypoints per photograph (SIFT).")
+    pairs: Literal["auto", "exhaustive", "gps", "coarse"] = Field(
+        default="auto",
+        description="Compare all pairs, neighbours by GPS, or those that look alike to a coarse comparison; auto: all of "
+        "few photographs, else neighbours by GPS where the photographs bear them out, else by likeness.",
+    )
     exhaustive_limit: int = Field(
-        default=40,
-        ge=2,
-        le=100_000,
-        description="With GPS, compare all pairs up to this many photographs, else neighbours.",
+        default=40, ge=2, le=100_000, description="Up to this many photographs, auto compares all pairs."
     )
     neighbours: int = Field(
-        default=20, ge=2, le=1000, description="Nearest photographs by GPS that each one is compared with."
+        default=20, ge=2, le=1000, description="Photographs that each one is compared with: the nearest, or most alike."
     )
     seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
 
@@ -26,6 +30,10 @@ class MatchingConfig(StageConfig):
 class SfmConfig(StageConfig):
     """How the matches become poses and points."""
 
+    mapper: Literal["auto", "incremental", "global", "hierarchical"] = Field(
+        default="auto",
+        description="Place photographs one by one, all at once, or part by part; auto: one by one unless they are many.",
+    )
     seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
 
 

@@ -10,63 +10,97 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
-from aug3d_core.errors import InputError
+from aug3d_core.geometry.transforms import centres
 from aug3d_core.photos.table import read_photos
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment
+from aug3d_core.sfm.camera_model import Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
-from aug3d_core.sfm.focal import settle_focal
-from aug3d_core.sfm.mapping import SMALLEST_MODEL, reconstruct
+from aug3d_core.sfm.doming import Doming, measure_doming
+from aug3d_core.sfm.grow import earlier_model
+from aug3d_core.sfm.mapping import Mapped, reconstruct
+from aug3d_core.sfm.matching_table import read_matching_table
+from aug3d_core.sfm.pairs import gps_positions
+from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_baseline
+from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
 from aug3d_core.sfm.write import align_model, alignment_notes, model_metrics, write_outputs
-from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
+
+_LEAST_PLACED = 0.75
 
 
 def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
     """Reconstruct the photographs and write the largest model; the others are kept beside it."""
     pycolmap.logging.minloglevel = 1  # warnings only: mapping writes dozens of lines per photograph
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
+    matching = read_matching_table(inputs["matching"])
     with tempfile.TemporaryDirectory(dir=out) as scratch:
         database = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
-        models = reconstruct(images, database, len(photos), config, progress)
-    if not models:
-        raise _nothing_found(len(photos))
-    progress(len(photos), len(photos), "photographs placed; writing them undistorted")
-    settled = settle_focal(models[0], photos)
-    model = settled.model
-    alignment = align_model(model, photos, np.random.default_rng(config.seed))
-    arrays = write_outputs(model, models[1:], alignment, photos, images, out)
-    metrics = model_metrics(model, arrays, alignment, photos) | {
-        "components": len(models),
-        "focal_source": settled.source,
-        "focal_exif_over_refined_error": settled.exif_over_refined,
-    }
-    notes = _notes(model, models, alignment, photos)
+        refuse_one_spot(database)
+        start = earlier_model(photos, database, inputs.get(layout.EARLIER))
+        grown_from = 0 if start is None else start.num_reg_images()
+        mapped = reconstruct(images, database, photos, config, progress, start)
+    if not mapped.models:
+        raise nothing_found(matching)
+    progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
+    largest = mapped.models[0]
+    chosen = as_it_was(largest, photos) if grown_from else choose_camera_model(largest, photos)
+    alignment = align_model(chosen.model, photos, np.random.default_rng(config.seed))
+    arrays = write_outputs(chosen.model, mapped.models[1:], alignment, photos, images, out)
+    _refuse_short_baseline(arrays)
+    unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
+    unplaced.to_parquet(out / layout.UNPLACED)
+    doming = _doming(arrays, alignment, photos)
+    metrics = model_metrics(chosen.model, arrays, alignment, photos) | _choices(mapped, chosen)
+    metrics |= {"components": len(mapped.models), "grown_from": grown_from}
+    metrics |= {"doming_pct": doming and doming.pct, "doming_sigma_pct": doming and doming.sigma_pct}
+    bent = doming is not None and doming.flagged
     return Outcome(
         metrics=metrics,
-        state="degraded" if len(arrays.views) < 0.5 * len(photos) or alignment.problem else "ok",
-        notes=notes,
+        state="degraded" if len(arrays.views) < _LEAST_PLACED * len(photos) or alignment.problem or bent else "ok",
+        notes=(
+            *unplaced_notes(unplaced, len(photos)),
+            *alignment_notes(alignment),
+            *(_bend_note(doming) if bent else ()),
+            *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),
+        ),
         pictures={"Points and cameras from above": layout.SFM_MAP},
     )
 
 
-def _notes(
-    model: pycolmap.Reconstruction, models: list[pycolmap.Reconstruction], alignment: Alignment, photos: pd.DataFrame
-) -> tuple[str, ...]:
-    notes = []
-    placed = {export.photo_id(image) for image in export.registered(model)}
-    lost = [name for photo, name in zip(photos["photo_id"], photos["name"], strict=True) if photo not in placed]
-    if lost:
-        names = ", ".join(lost[:5]) + (", ..." if len(lost) > 5 else "")
-        notes.append(f"{len(lost)} of {len(photos)} photographs could not be placed: {names}")
-    if len(models) > 1:
-        sizes = ", ".join(str(other.num_reg_images()) for other in models[1:])
-        notes.append(f"the photographs fall into {len(models)} parts; the largest is used, the others hold {sizes}")
-    return (*notes, *alignment_notes(alignment))
+def _components(model: pycolmap.Reconstruction, mapped: Mapped) -> list[list[int]]:
+    return [[export.photo_id(image) for image in export.registered(each)] for each in (model, *mapped.models[1:])]
 
 
-def _nothing_found(photos: int) -> InputError:
-    return InputError(
-        f"no scene could be reconstructed: no {SMALLEST_MODEL} of the {photos} photographs hold together",
-        "Use photographs of one scene in which neighbours overlap by 60 % or more, sharp and with texture.",
+def _choices(mapped: Mapped, chosen: Chosen) -> dict[str, Metric]:
+    heldout_px: dict[str, Metric] = {
+        f"heldout_px_{name.lower()}_{focal_from}": error for (name, focal_from), error in chosen.heldout_px.items()
+    }
+    return {
+        "mapper": mapped.mapper,
+        "mapper_reason": mapped.reason,
+        "focal_source": chosen.focal_from,
+        "focal_exif_over_refined_error": chosen.exif_over_refined,
+    } | heldout_px
+
+
+def _refuse_short_baseline(arrays: export.Arrays) -> None:
+    at = centres(arrays.views.cam_from_world)
+    depth = np.linalg.norm(arrays.points.xyz[arrays.tracks.point] - at[arrays.tracks.view], axis=1)
+    refuse_short_baseline(at, float(np.median(depth)))
+
+
+def _doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame) -> Doming | None:
+    if not alignment.metric:
+        return None
+    gps_enu_m = np.where(np.isfinite(photos[["alt_m"]]), gps_positions(photos)[0], np.nan)
+    return measure_doming(centres(arrays.views.cam_from_world), gps_enu_m[arrays.views.photo_id])
+
+
+def _bend_note(doming: Doming | None) -> tuple[str, ...]:
+    assert doming is not None
+    return (
+        f"the reconstruction is bent like a {'bowl' if doming.pct > 0 else 'dome'}: camera heights leave GPS altitudes by "
+        f"{abs(doming.pct):.1f} % of the flight's extent; photographs at an angle, or a second height, would hold it",
     )

@@ -56,6 +56,7 @@ WORLD = "world.json"
 COLMAP_MODEL = "model"
 COMPONENTS = "components.json"
 OTHER_MODELS = "other_models"
+UNPLACED = "unplaced.parquet"
 SFM_MAP = "map.png"
 
 # grouping

@@ -1,0 +1,54 @@
+"""Measure doming: the bend of a flight that distortion and depth trade for each other, against the altitudes of GPS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+# A bowl of 1 % of the extent leans at its rim by 4 %, 2.3 degrees: more than the 1.5 degrees of doubt about the vertical
+# at which `align` stops believing GPS altitudes. The town, unbent, has some hundredths of a percent.
+MOST_PCT = 1.0
+
+_FEWEST = 8
+_ROUNDS = 20
+
+
+@dataclass(frozen=True)
+class Doming:
+    """Height of the bowl over the flight's extent, and its standard error, in percent of that extent."""
+
+    pct: float
+    sigma_pct: float
+
+    @property
+    def flagged(self) -> bool:
+        """Whether the bend is too large to ignore, and larger than the noise of the altitudes explains."""
+        return abs(self.pct) > MOST_PCT and abs(self.pct) > 3 * self.sigma_pct
+
+
+def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
+    """Fit the cameras' heights minus GPS altitudes by a + b x + c y + d r^2, robustly (Huber, reweighted least squares).
+
+    at: camera centres in the world, in metres; rows of `gps_enu_m` without an altitude are NaN. None if there are too few
+    positions, or if altitudes are too noisy to tell a bend of `MOST_PCT`. Bowls are positive, domes negative.
+    """
+    known = np.isfinite(gps_enu_m).all(axis=1)
+    if known.sum() < _FEWEST:
+        return None
+    xy = at[known, :2] - at[known, :2].mean(axis=0)
+    extent = float(np.linalg.norm(np.ptp(xy, axis=0)))
+    if extent == 0:
+        return None
+    xy, off = xy / (extent / 2), at[known, 2] - gps_enu_m[known, 2]
+    basis = np.column_stack([np.ones(len(xy)), xy, (xy**2).sum(axis=1)])
+    weight = np.ones(len(off))
+    for _ in range(_ROUNDS):
+        fit = np.linalg.lstsq(basis * weight[:, None] ** 0.5, off * weight**0.5, rcond=None)[0]
+        residual = np.abs(off - basis @ fit)
+        scale = max(1.4826 * float(np.median(residual)), 1e-9 * extent)
+        weight = np.minimum(1.0, 1.345 * scale / np.maximum(residual, 1e-300))
+    covariance = np.linalg.pinv((basis * weight[:, None]).T @ basis)
+    doming = Doming(100 * float(fit[3]) / extent, 100 * scale * float(np.sqrt(covariance[3, 3])) / extent)
+    return doming if doming.sigma_pct <= MOST_PCT / 2 else None
