@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from aug3d_core.dataset import config as _dataset
+from aug3d_core.depth import config as _depth
 from aug3d_core.errors import UsageError
 from aug3d_core.formats import config as _formats
 from aug3d_core.grouping import config as _grouping
@@ -34,6 +35,7 @@ class SceneConfig(Frozen):
     truth: _testbed.TruthConfig = Field(description="Comparison with the town's truth.")
     similarity: _grouping.SimilarityConfig = Field(description="The similarity matrix.")
     grouping: _grouping.GroupingConfig = Field(description="Groups of K photographs, and the test split.")
+    depth: _depth.DepthConfig = Field(description="A depth map of each photograph, and fused points.")
     surface: _surface.SurfaceConfig = Field(description="The mesh.")
     mesh_truth: _testbed.MeshTruthConfig = Field(description="Comparison of the mesh with the town's truth.")
     sampling: _sampling.SamplingConfig = Field(description="Virtual camera domes.")
@@ -77,6 +79,7 @@ def _preset(name: str) -> SceneConfig:
         truth=_testbed.TRUTH_PRESETS[name],
         similarity=_grouping.SIMILARITY_PRESETS[name],
         grouping=_grouping.GROUPING_PRESETS[name],
+        depth=_depth.PRESETS[name],
         surface=_surface.PRESETS[name],
         mesh_truth=_testbed.MESH_TRUTH_PRESETS[name],
         sampling=_sampling.PRESETS[name],

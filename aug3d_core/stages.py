@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.depth.config import DepthConfig
 from aug3d_core.formats.config import PosesConfig
 from aug3d_core.grouping.config import GroupingConfig, SimilarityConfig
 from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
@@ -48,6 +49,14 @@ SIMILARITY = Stage(
 )
 GROUPING = Stage(
     "grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median"
+)
+DEPTH = Stage(
+    "depth",
+    DepthConfig,
+    ("sfm", "grouping"),
+    "aug3d_core.depth.stage:run",
+    ("opencv-python-headless", "pycolmap"),
+    "consistent_share",
 )
 SURFACE = Stage(
     "surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
@@ -103,7 +112,20 @@ EVALUATION = Stage(
     "test_psnr_mean",
 )
 
-FROM_PHOTOS = (PHOTOS, MATCHING, SFM, SIMILARITY, GROUPING, SURFACE, SAMPLING, RENDERING, DATASET, TRAINING, EVALUATION)
+FROM_PHOTOS = (
+    PHOTOS,
+    MATCHING,
+    SFM,
+    SIMILARITY,
+    GROUPING,
+    DEPTH,
+    SURFACE,
+    SAMPLING,
+    RENDERING,
+    DATASET,
+    TRAINING,
+    EVALUATION,
+)
 _AFTER_SFM = FROM_PHOTOS[FROM_PHOTOS.index(SFM) + 1 :]
 FROM_POSES = (PHOTOS, POSES, MATCHING, SFM_OF_POSES, *_AFTER_SFM)
 FROM_MODEL = (PHOTOS, POSES, SFM_OF_MODEL, *_AFTER_SFM)

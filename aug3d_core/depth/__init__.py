@@ -1,0 +1,19 @@
+"""Poses and images -> a depth and a normal map for each photograph, and the points that several agree on.
+
+cameras       pinhole cameras at the size of the depth maps (plain numpy)
+sources       which photographs each one is compared with (plain numpy)
+ranges        how near and far, how low and high each photograph sees (plain numpy)
+planes        the planes to try, no more than the photographs can tell apart (plain numpy)
+sweep         the plane on which the sources agree best with each pixel (OpenCV)
+normals       depth map -> normal map (OpenCV)
+consistency   what depth maps of other photographs confirm (plain numpy)
+job           what a worker process does
+worker        the process that sweeps, or compares, one share of the photographs
+launch        run the workers
+maps          depth and normal maps in COLMAP's format
+workspace     COLMAP's dense workspace: its sparse model and lists (pycolmap)
+patch_match   COLMAP's own stereo, on a CUDA GPU (pycolmap)
+fusion        depth maps -> fused points (pycolmap)
+picture       photo, depth and normals side by side
+stage         the stage
+"""

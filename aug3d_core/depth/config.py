@@ -1,0 +1,29 @@
+"""Configuration of the depth stage."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from aug3d_core.stage import StageConfig
+
+
+class DepthConfig(StageConfig):
+    """How a depth map is found for each photograph, and what is believed of it."""
+
+    engine: Literal["auto", "sweep", "patch_match"] = Field(
+        default="auto",
+        description="Plane sweep on the CPU, COLMAP's patch-match on a CUDA GPU, or the latter where it can run.",
+    )
+    max_px: int = Field(
+        default=512, ge=64, le=8192, description="Width (px) of the depth maps at most; never more than the photo's."
+    )
+    sources: int = Field(default=4, ge=1, le=20, description="Photographs that each one is compared with.")
+
+
+PRESETS: dict[str, DepthConfig] = {
+    "tiny": DepthConfig(),
+    "small": DepthConfig(max_px=1024),
+    "paper": DepthConfig(max_px=2048, sources=8),
+}

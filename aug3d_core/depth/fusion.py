@@ -1,0 +1,59 @@
+"""Depth maps -> points that several of them agree on, by COLMAP's fusion."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from jaxtyping import UInt8
+
+from aug3d_core.depth.workspace import write_fusion_list
+from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.views import Views
+
+FEWEST_VIEWS = 2  # the maps hold only what others confirmed already
+MOST_OFF_PX = 1.5
+MOST_OFF_DEPTH = 0.01  # relative
+MOST_OFF_NORMAL_DEG = 60.0  # normals of crowns and edges scatter; position and confirmation decide there
+_POINT = np.dtype([("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)])
+
+
+def fuse(workspace: Path, views: Views, chosen: list[int]) -> Fused:
+    """Fuse the maps of the chosen views; no other view is touched. On one thread, so that the points' order is fixed."""
+    if len(chosen) < FEWEST_VIEWS:
+        return _points(np.zeros(0, _POINT), np.zeros(0, np.uint8))
+    write_fusion_list(workspace, views, chosen)
+    options = pycolmap.StereoFusionOptions()
+    options.num_threads = 1
+    options.min_num_pixels = FEWEST_VIEWS
+    options.max_reproj_error = MOST_OFF_PX
+    options.max_depth_error = MOST_OFF_DEPTH
+    options.max_normal_error = MOST_OFF_NORMAL_DEG
+    with tempfile.TemporaryDirectory() as folder:
+        ply = Path(folder) / "fused.ply"
+        pycolmap.stereo_fusion(ply, workspace, input_type="geometric", options=options, output_type="ply")
+        points = _read_ply(ply)
+        return _points(points, _read_counts(ply.with_name("fused.ply.vis"), len(points)))
+
+
+def _points(points: np.ndarray, views: UInt8[np.ndarray, " n"]) -> Fused:
+    return Fused(points["xyz"].copy(), points["normal"].copy(), points["rgb"].copy(), views)
+
+
+def _read_ply(path: Path) -> np.ndarray:
+    """Read the one layout that COLMAP writes: float32 position and normal, 8-bit colour, little endian."""
+    data = path.read_bytes()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    return np.frombuffer(data, _POINT, offset=end)
+
+
+def _read_counts(path: Path, points: int) -> UInt8[np.ndarray, " n"]:
+    """Return the number of photographs of each point: after the number of points (uint64), a count and its image indices."""
+    numbers = np.fromfile(path, "<u4", offset=8).tolist()
+    counts, place = np.zeros(points, np.uint8), 0
+    for point in range(points):
+        counts[point] = min(numbers[place], 255)
+        place += numbers[place] + 1
+    return counts

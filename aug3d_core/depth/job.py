@@ -1,0 +1,29 @@
+"""What a depth worker does with its share of the photographs. Written as JSON; arrays stay in the files it names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from aug3d_core.stage import Frozen
+
+
+class PhotoTask(Frozen):
+    """One photograph: indices into the views of itself and its sources, best first, and the ranges to search."""
+
+    view: int
+    sources: tuple[int, ...]
+    depth: tuple[float, float]  # nearest, farthest, along z
+    height: tuple[float, float]  # lowest, highest
+
+
+class DepthJob(Frozen):
+    """A share of the photographs. `sweep` writes raw depth into `raw`; `compare` then keeps what others confirm."""
+
+    step: Literal["sweep", "compare"]
+    views: Path
+    images: Path
+    raw: Path
+    workspace: Path
+    max_px: int
+    tasks: tuple[PhotoTask, ...]

@@ -1,0 +1,153 @@
+"""The depth stage: a depth and a normal map of each photograph but the targets, and two sets of fused points.
+
+Targets are never read. A train photograph is compared with train photographs only, so that `fused.npz`, which the rendered
+domes grow from, holds nothing of any other; `baseline_fused.npz` may use every photograph but the targets.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool
+
+from aug3d_core.depth.cameras import depth_sizes
+from aug3d_core.depth.config import DepthConfig
+from aug3d_core.depth.fusion import fuse
+from aug3d_core.depth.job import DepthJob, PhotoTask
+from aug3d_core.depth.launch import run_jobs
+from aug3d_core.depth.maps import read_map
+from aug3d_core.depth.patch_match import choose_engine, patch_match
+from aug3d_core.depth.picture import draw_sheet
+from aug3d_core.depth.planes import MOST_SHIFT_PX
+from aug3d_core.depth.ranges import depth_and_height_ranges
+from aug3d_core.depth.sources import choose_sources
+from aug3d_core.depth.workspace import IMAGES, write_patch_match_list, write_workspace
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.stage import Inputs, Metric, Outcome, Progress
+from aug3d_core.store import layout
+
+WORKERS = 2  # processes of one thread each; the result is the same for any number
+LOW_SHARE = 0.3
+PICTURE_ROWS = 4
+
+
+def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> Outcome:
+    """Find depth, keep what other photographs confirm, and fuse it; raises InputError if no photographs overlap."""
+    sfm, workspace = inputs["sfm"], out / layout.DENSE_WORKSPACE
+    views, images = Views.load(sfm / layout.VIEWS), sfm / layout.VIEW_IMAGES
+    points, tracks = Points.load(sfm / layout.POINTS), Tracks.load(sfm / layout.TRACKS)
+    train, given = _roles(inputs["grouping"], len(views))
+    engine, reason = choose_engine(config.engine)
+    sources = choose_sources(views, points, tracks, given, train, config.sources)
+    usable = [view for view, chosen in sources.items() if chosen]
+    if not usable:
+        raise InputError(
+            "no photograph shares enough points with another for depth", "take photographs that overlap by 60 % or more"
+        )
+    sizes = depth_sizes(views, config.max_px)
+    write_workspace(workspace, views, sizes, points, tracks, images, usable)
+    write_patch_match_list(workspace, views, sources)
+    started = time.monotonic()
+    planes: list[float] = []
+    if engine == "patch_match":
+        patch_match(workspace)
+    else:
+        tasks = [
+            PhotoTask(view=view, sources=tuple(sources[view]), depth=depth, height=height)
+            for view in usable
+            for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
+        ]
+        planes = _sweep(tasks, inputs["sfm"], workspace, config.max_px, progress)
+    seconds = time.monotonic() - started
+    fused = fuse(workspace, views, [view for view in usable if train[view]])
+    fused.save(out / layout.FUSED)
+    baseline = fuse(workspace, views, usable)
+    baseline.save(out / layout.BASELINE_FUSED)
+    draw_sheet(out, images, views, [usable[i] for i in _spread(len(usable), PICTURE_ROWS)])
+    shutil.rmtree(workspace / IMAGES)
+    share = _consistent_share(out, views, usable)
+    metrics: dict[str, Metric] = {
+        "photos": len(usable),
+        "engine": engine,
+        "engine_reason": reason,
+        "seconds_per_photo": round(seconds / len(usable), 3),
+        "depth_width_px": int(np.median(sizes[usable, 0])),
+        "consistent_share": round(share, 4),
+        "points": len(fused.xyz),
+        "baseline_points": len(baseline.xyz),
+    }
+    if planes:
+        metrics |= {
+            "planes_median": int(np.median(planes)),
+            "planes_reason": f"adjacent planes move a source pixel by {MOST_SHIFT_PX:g} px at most",
+        }
+    notes = _notes(views, sources, share, len(fused.xyz))
+    return Outcome(
+        metrics=metrics,
+        state="degraded" if notes else "ok",
+        notes=notes,
+        pictures={"Photos, their depth (near is yellow) and normals; grey: no depth": layout.DEPTH_SHEET},
+    )
+
+
+def _roles(grouping: Path, count: int) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Return which views are for training, and which may be used at all."""
+    table = pd.read_parquet(grouping / layout.SPLIT_TABLE)
+    train, given = np.zeros(count, bool), np.zeros(count, bool)
+    role = table["role"].astype(str).to_numpy()
+    train[table["view"].to_numpy()] = role == "train"
+    given[table["view"].to_numpy()] = role != "target"
+    return train, given
+
+
+def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, max_px: int, progress: Progress) -> list[float]:
+    """Sweep all photographs, then compare their maps; return the planes tried for each."""
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        progress(done, 2 * len(tasks), "searching depth" if done <= len(tasks) else "comparing depth maps")
+
+    with tempfile.TemporaryDirectory(dir=workspace.parent) as raw:
+        common = DepthJob(
+            step="sweep",
+            views=sfm / layout.VIEWS,
+            images=sfm / layout.VIEW_IMAGES,
+            raw=Path(raw),
+            workspace=workspace,
+            max_px=max_px,
+            tasks=(),
+        )
+        shares = [tuple(tasks[i::WORKERS]) for i in range(WORKERS)]
+        jobs = [common.model_copy(update={"tasks": share}) for share in shares if share]
+        planes = run_jobs(jobs, tick)
+        run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
+    return [count for share in planes for count in share]
+
+
+def _spread(count: int, most: int) -> list[int]:
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
+
+
+def _consistent_share(out: Path, views: Views, chosen: list[int]) -> float:
+    maps = (read_map(out / layout.DEPTH_MAPS / layout.geometric_map_name(views.photo_id[view])) for view in chosen)
+    return float(np.mean([(depth > 0).mean() for depth in maps]))
+
+
+def _notes(views: Views, sources: dict[int, list[int]], share: float, points: int) -> tuple[str, ...]:
+    notes = []
+    if lonely := [str(views.photo_id[view]) for view, chosen in sources.items() if not chosen]:
+        listed = ", ".join(lonely[:10]) + (", ..." if len(lonely) > 10 else "")
+        notes.append(f"{len(lonely)} photos share too few points with any other and have no depth: {listed}")
+    if share < LOW_SHARE:
+        notes.append(f"only {100 * share:.0f} % of the pixels have a depth that other photos confirm")
+    if not points:
+        notes.append("no point is agreed on by two train photos")
+    return tuple(notes)

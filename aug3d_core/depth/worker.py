@@ -1,0 +1,99 @@
+"""The depth process: `python -m aug3d_core.depth.worker job.json` works through one share of the photographs.
+
+A process of its own, because OpenCV and pycolmap in one process corrupt memory; on one thread, so that two of them fill two
+cores and a photograph's result does not depend on how many there are. Each photograph done is a line on standard output:
+`photo PLANES` after a sweep, `photo KEPT_SHARE` after a comparison.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from aug3d_core.depth.cameras import Camera, camera_of, depth_sizes
+from aug3d_core.depth.consistency import DepthMap, confirmations
+from aug3d_core.depth.job import DepthJob, PhotoTask
+from aug3d_core.depth.maps import read_map, write_map
+from aug3d_core.depth.normals import normals_of
+from aug3d_core.depth.planes import horizontal_normal, make_family
+from aug3d_core.depth.sweep import Photo, sweep
+from aug3d_core.geometry.views import Views
+from aug3d_core.parent import SUPERVISED, die_with_parent
+from aug3d_core.store import layout
+
+LEAST_SCORE = 0.5
+FEWEST_CONFIRM = 2  # other depth maps, or all if there are fewer
+_CACHED = 32  # images or maps kept in memory: neighbours are needed again soon
+
+
+class _Share:
+    """The views of a job, and their images and depth maps, read once."""
+
+    def __init__(self, job: DepthJob) -> None:
+        self.job = job
+        self.views = Views.load(job.views)
+        self.sizes = depth_sizes(self.views, job.max_px)
+        self.photo = lru_cache(_CACHED)(self._photo)
+        self.raw_depth = lru_cache(_CACHED)(self._raw_depth)
+
+    def camera(self, view: int) -> Camera:
+        return camera_of(self.views, view, self.sizes[view])
+
+    def raw_path(self, view: int) -> Path:
+        return self.job.raw / layout.geometric_map_name(int(self.views.photo_id[view]))
+
+    def _photo(self, view: int) -> Photo:
+        path = self.job.images / layout.image_name(int(self.views.photo_id[view]))
+        grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        camera = self.camera(view)
+        if grey.shape != (camera.height, camera.width):
+            grey = cv2.resize(grey, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+        return Photo(np.maximum(grey, 1), camera)
+
+    def _raw_depth(self, view: int) -> DepthMap:
+        return DepthMap(read_map(self.raw_path(view)), self.camera(view))
+
+
+def sweep_photo(share: _Share, task: PhotoTask) -> int:
+    """Write the raw depth map of one photograph and return the number of planes tried."""
+    reference, sources = share.photo(task.view), [share.photo(view) for view in task.sources]
+    camera, cameras = reference.camera, [source.camera for source in sources]
+    height = float(-camera.cam_from_world[:, 3] @ camera.cam_from_world[:, 2])
+    families = [
+        make_family(camera, cameras, horizontal_normal(camera), height - task.height[1], height - task.height[0]),
+    ]
+    best = sweep(reference, sources, families)
+    write_map(share.raw_path(task.view), np.where(best.score > LEAST_SCORE, best.depth, np.float32(0)))
+    return sum(len(family.inverse_distance) for family in families)
+
+
+def compare_photo(share: _Share, task: PhotoTask) -> float:
+    """Write the depth and normal map of what others confirm, and return the share of pixels that is."""
+    own = share.raw_depth(task.view)
+    count, depth = confirmations(own, [share.raw_depth(view) for view in task.sources])
+    depth = np.where(count >= min(FEWEST_CONFIRM, len(task.sources)), depth, np.float32(0))
+    name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
+    write_map(share.job.workspace / "stereo/depth_maps" / name, depth)
+    write_map(share.job.workspace / "stereo/normal_maps" / name, normals_of(depth, own.camera))
+    return float((depth > 0).mean())
+
+
+def main() -> None:
+    """Work through the job named on the command line."""
+    if SUPERVISED in os.environ:
+        die_with_parent()
+    cv2.setNumThreads(1)
+    job = DepthJob.model_validate_json(Path(sys.argv[1]).read_text())
+    share = _Share(job)
+    work = sweep_photo if job.step == "sweep" else compare_photo
+    for task in job.tasks:
+        print("photo", work(share, task), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""COLMAP's dense workspace: images and a sparse model at the size of the depth maps, and the lists that its tools read.
+
+Layout of COLMAP 3.x and 4.x: images/, sparse/, stereo/patch-match.cfg, stereo/fusion.cfg, stereo/depth_maps|normal_maps/.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from jaxtyping import Int
+from PIL import Image
+
+from aug3d_core.depth.cameras import camera_of
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.store import layout
+
+IMAGES, SPARSE, STEREO = "images", "sparse", "stereo"
+DEPTH_MAPS, NORMAL_MAPS = "stereo/depth_maps", "stereo/normal_maps"
+PATCH_MATCH_LIST, FUSION_LIST = "stereo/patch-match.cfg", "stereo/fusion.cfg"
+
+
+def write_workspace(
+    folder: Path,
+    views: Views,
+    sizes: Int[np.ndarray, "n 2"],
+    points: Points,
+    tracks: Tracks,
+    photos: Path,
+    chosen: list[int],
+) -> None:
+    """Write images and sparse model of the chosen views, and empty folders for their maps."""
+    for name in (IMAGES, SPARSE, DEPTH_MAPS, NORMAL_MAPS, "stereo/consistency_graphs"):
+        (folder / name).mkdir(parents=True)
+    for view in chosen:
+        name = layout.image_name(views.photo_id[view])
+        with Image.open(photos / name) as image:
+            small = image.convert("RGB").resize(tuple(sizes[view].tolist()), Image.Resampling.BOX)
+        small.save(folder / IMAGES / name, compress_level=1)
+    sparse_model(views, sizes, points, tracks, chosen).write(folder / SPARSE)
+
+
+def sparse_model(
+    views: Views, sizes: Int[np.ndarray, "n 2"], points: Points, tracks: Tracks, chosen: list[int]
+) -> pycolmap.Reconstruction:
+    """Return the chosen views (image id: view + 1) and the points that two or more of them see, in pixels of `sizes`."""
+    model = pycolmap.Reconstruction()
+    kept = np.isin(tracks.view, chosen)
+    kept &= np.bincount(tracks.point[kept], minlength=len(points.xyz))[tracks.point] >= 2
+    scale = sizes / views.size
+    index = np.zeros(len(kept), int)  # of each observation among those of its image
+    for view in chosen:
+        camera, rows = camera_of(views, view, sizes[view]), np.flatnonzero(kept & (tracks.view == view))
+        index[rows] = np.arange(len(rows))
+        model.add_camera_with_trivial_rig(
+            pycolmap.Camera(
+                model="PINHOLE",
+                width=camera.width,
+                height=camera.height,
+                params=camera.intrinsics,
+                camera_id=view + 1,
+            )
+        )
+        image = pycolmap.Image(
+            name=layout.image_name(views.photo_id[view]),
+            keypoints=tracks.xy[rows] * scale[view],
+            camera_id=view + 1,
+            image_id=view + 1,
+        )
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(views.cam_from_world[view]))
+    rows = np.flatnonzero(kept)
+    rows = rows[np.argsort(tracks.point[rows], kind="stable")]
+    for seen in np.split(rows, np.flatnonzero(np.diff(tracks.point[rows])) + 1):
+        if len(seen):
+            track = pycolmap.Track()
+            for row in seen.tolist():
+                track.add_element(int(tracks.view[row]) + 1, int(index[row]))
+            point = tracks.point[seen[0]]
+            model.add_point3D(points.xyz[point], track, points.rgb[point])
+    return model
+
+
+def write_patch_match_list(folder: Path, views: Views, sources: dict[int, list[int]]) -> None:
+    """List for COLMAP's patch-match the sources of each view that has some."""
+    lines = []
+    for view, chosen in sources.items():
+        if chosen:
+            names = (layout.image_name(views.photo_id[source]) for source in chosen)
+            lines += [layout.image_name(views.photo_id[view]), ", ".join(names)]
+    (folder / PATCH_MATCH_LIST).write_text("\n".join(lines) + "\n")
+
+
+def write_fusion_list(folder: Path, views: Views, chosen: list[int]) -> None:
+    """List for COLMAP's fusion the views whose maps it reads."""
+    (folder / FUSION_LIST).write_text("".join(f"{layout.image_name(views.photo_id[view])}\n" for view in chosen))
