@@ -7,13 +7,16 @@ which thread finishes first; RANSAC is seeded per pair. With both, any number of
 from __future__ import annotations
 
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pycolmap
-from jaxtyping import Int
+from jaxtyping import Int, UInt8
 
+from aug3d_core.sfm.coarse import largest
 from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.stage import Progress
 from aug3d_core.store import layout
@@ -31,7 +34,7 @@ def threads() -> int:
 def make_database(photos: pd.DataFrame, images: Path, database: Path) -> None:
     """Enter the photographs, one camera for each distinct key, with its focal length as a prior where it is known."""
     pycolmap.Database.open(database).close()
-    for _, same_camera in photos.groupby("camera", sort=False):
+    for _, same_camera in photos.groupby(["camera", "width_px", "height_px"], sort=False):
         pycolmap.import_images(
             database,
             images,
@@ -52,8 +55,21 @@ def extract(photos: pd.DataFrame, images: Path, database: Path, config: Matching
         progress(min(start + _PHOTOS_PER_CALL, len(names)), len(names), "photographs searched for features")
 
 
-def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress) -> int:
-    """Match the pairs and verify them geometrically; return how many hold."""
+def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray, "_ 128"]]:
+    """Return the descriptors of the largest features of each photograph."""
+    with pycolmap.Database.open(database) as opened:
+        ids = {image.name: image.image_id for image in opened.read_all_images()}
+        found = []
+        for photo_id in photos["photo_id"]:
+            image_id = ids[layout.image_name(photo_id)]
+            shape = opened.read_keypoints(image_id)[:, 2:]  # a11, a12, a21, a22: from the unit circle to the feature
+            scale_px = np.sqrt(np.abs(shape[:, 0] * shape[:, 3] - shape[:, 1] * shape[:, 2]))
+            found.append(largest(opened.read_descriptors(image_id).data, scale_px))
+    return found
+
+
+def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress) -> None:
+    """Match the pairs and verify them geometrically."""
     matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
     matching.num_threads = threads()
     verification.ransac.random_seed = config.seed
@@ -65,13 +81,12 @@ def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig,
         Path(pairing.match_list_path).write_text("".join(lines))
         pycolmap.match_image_pairs(database, matching, pairing, verification)
         progress(start + len(chunk), len(pairs), "pairs of photographs compared")
-    opened = pycolmap.Database.open(database)
-    try:
-        # Not num_verified_image_pairs(): it counts the pairs that failed too.
-        _, inliers = opened.read_two_view_geometry_num_inliers()
-        return int(np.count_nonzero(inliers))
-    finally:
-        opened.close()
+
+
+def store_sorted(database: Path, target: Path) -> None:
+    """Write the database anew: its bytes then depend on what it holds, not on the order in which threads wrote it."""
+    with closing(sqlite3.connect(database)) as connection:
+        connection.execute("VACUUM INTO ?", (str(target),))
 
 
 def _reader(same_camera: pd.DataFrame) -> pycolmap.ImageReaderOptions:

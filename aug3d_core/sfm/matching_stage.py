@@ -2,39 +2,116 @@
 
 from __future__ import annotations
 
+import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pycolmap
 
 from aug3d_core.photos.table import read_photos
-from aug3d_core.sfm import features
+from aug3d_core.sfm import features, reuse
+from aug3d_core.sfm.coarse import Compare, comparer
 from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.sfm.matching_table import matching_table
-from aug3d_core.sfm.pairs import choose_pairs
+from aug3d_core.sfm.pairs import Choice, choose_pairs
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
 
+_FEW_FEATURES = 100
+_NAMED = 5
+_WORTH_A_NOTE = 0.1  # of the photographs with a position
+
 
 def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -> Outcome:
-    """Extract features and match the pairs that are worth it."""
+    """Extract features and match the pairs that are worth it, copying what is known from an earlier output."""
     pycolmap.logging.minloglevel = 1
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
-    pairs, chosen_by = choose_pairs(photos, config)
-    database = out / layout.FEATURES
-    features.make_database(photos, images, database)
-    features.extract(photos, images, database, config, progress)
-    matched = features.match(pairs, database, config, progress)
-    table = matching_table(photos, database)
+    image_sha256 = reuse.digests(photos, images)
+    earlier = reuse.best_earlier(image_sha256, inputs.get(layout.EARLIER))
+    clock = _Clock()
+    with tempfile.TemporaryDirectory(dir=out) as scratch:
+        database = Path(scratch) / layout.FEATURES
+        features.make_database(photos, images, database)
+        reused = np.zeros(len(photos), bool)
+        if earlier:
+            reuse.copy_features(earlier, database)
+            reused = earlier.known
+        features.extract(photos.loc[~reused], images, database, config, progress)
+        extract_seconds = clock.lap()
+        chooser = _Chooser(photos, database, progress)
+        choice = choose_pairs(photos, config, chooser)
+        coarse_seconds = clock.lap()
+        done = reuse.copy_matches(earlier, choice.pairs, database) if earlier else np.zeros(len(choice.pairs), bool)
+        features.match(choice.pairs[~done], database, config, progress)
+        match_seconds = coarse_seconds + clock.lap()
+        features.store_sorted(database, out / layout.FEATURES)
+    table = matching_table(photos, image_sha256, out / layout.FEATURES)
     table.to_parquet(out / layout.MATCHING_TABLE)
+    counts = table["features"].to_numpy(int)
+    matched = table["matched_pairs"].to_numpy(int).sum() // 2
     return Outcome(
         metrics={
             "photos": len(photos),
-            "pairs_tried": len(pairs),
-            "pairs_matched": matched,
-            "pairs_matched_share": matched / len(pairs),
-            "pairs_by": chosen_by,
+            "photos_reused": int(reused.sum()),
+            "features_median": float(np.median(counts)),
+            "features_min": int(counts.min()),
             "pairs_possible": len(photos) * (len(photos) - 1) // 2,
-            "features_median": float(np.median(table["features"])),
-        }
+            "pairs_tried": len(choice.pairs),
+            "pairs_reused": int(done.sum()),
+            "pairs_matched": int(matched),
+            "pairs_matched_share": float(matched) / len(choice.pairs),
+            "pairs_by": choice.by,
+            "photos_doubted_gps": len(choice.doubted),
+            "pairs_ranked": chooser.ranked,
+            "extract_seconds": extract_seconds,
+            "coarse_seconds": coarse_seconds,
+            "match_seconds": match_seconds,
+        },
+        notes=_notes(photos, table, choice),
     )
+
+
+class _Chooser:
+    """Compare photographs coarsely, reading their largest features only when asked."""
+
+    def __init__(self, photos: pd.DataFrame, database: Path, progress: Progress) -> None:
+        self.photos, self.database, self.progress = photos, database, progress
+        self.ranked = 0
+        self._compare: Compare | None = None
+
+    def __call__(self, pairs: np.ndarray) -> np.ndarray:
+        if self._compare is None:
+            self._compare = comparer(features.read_largest(self.photos, self.database), self.progress)
+        self.ranked += len(pairs)
+        return self._compare(pairs)
+
+
+class _Clock:
+    """Seconds between calls."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def lap(self) -> float:
+        before, self.last = self.last, time.monotonic()
+        return round(self.last - before, 3)
+
+
+def _notes(photos: pd.DataFrame, table: pd.DataFrame, choice: Choice) -> tuple[str, ...]:
+    notes = []
+    located = photos["lat_deg"].notna().to_numpy()
+    doubted = int(located[choice.doubted].sum())
+    if doubted > _WORTH_A_NOTE * located.sum():
+        notes.append(
+            f"{doubted} of {located.sum()} photographs do not look more like their neighbours by GPS than like others: "
+            "a coarse comparison with all chose more pairs for them"
+        )
+    bare = photos["name"][(table["features"] < _FEW_FEATURES).to_numpy()].tolist()
+    if bare:
+        names = ", ".join(bare[:_NAMED]) + (", ..." if len(bare) > _NAMED else "")
+        notes.append(
+            f"{len(bare)} photographs have fewer than {_FEW_FEATURES} features (no texture, or blurred): {names}"
+        )
+    return tuple(notes)

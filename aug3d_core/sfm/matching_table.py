@@ -11,8 +11,11 @@ import pycolmap
 from aug3d_core.store import layout
 
 
-def matching_table(photos: pd.DataFrame, database: Path) -> pd.DataFrame:
-    """Return `photo_id`, `sha256`, `features`, `tried_pairs` (compared) and `matched_pairs` (verified), by photo id."""
+def matching_table(photos: pd.DataFrame, image_sha256: list[str], database: Path) -> pd.DataFrame:
+    """Return `photo_id`, `sha256`, `features`, `tried_pairs` (compared), `matched_pairs` (verified) and `image_sha256`.
+
+    `sha256` is that of the user's file, `image_sha256` that of the working copy.
+    """
     with pycolmap.Database.open(database) as opened:
         image_id = {image.name: image.image_id for image in opened.read_all_images()}
         ids = [image_id[layout.image_name(photo_id)] for photo_id in photos["photo_id"]]
@@ -25,6 +28,7 @@ def matching_table(photos: pd.DataFrame, database: Path) -> pd.DataFrame:
         {
             "photo_id": photos["photo_id"].to_numpy(),
             "sha256": photos["sha256"].to_numpy(),
+            "image_sha256": image_sha256,
             "features": np.array(features, int),
             "tried_pairs": np.bincount(pairs.ravel(), minlength=len(ids)),
             "matched_pairs": np.bincount(pairs[holds].ravel(), minlength=len(ids)),

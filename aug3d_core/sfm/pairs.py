@@ -1,29 +1,136 @@
-"""Choose the pairs of photographs that are worth comparing."""
+"""Choose the pairs of photographs that are worth comparing.
+
+Positions are believed only as far as the photographs bear them out. Every photograph is compared with its neighbours by
+GPS. Those that do not look more like these than like others, or hang together with a part of the scene only, are compared
+coarsely with all, and then fully with those they look most like. Without GPS that goes for every photograph.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
+from aug3d_core.errors import InputError
 from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.sfm.coarse import ALIKE, Compare
 from aug3d_core.sfm.config import MatchingConfig
 
 _BLOCK = 20
 _IN_SEQUENCE = 2
+_SPANNING_TREES = 3  # a coarse likeness may be wrong, so parts of a scene are joined by more than one
+_LEAST_CHANCE = 0.6  # one half is what wrong positions give; on the town, right ones gave each photograph 0.68 or more
+_UNKNOWN = -1
 
 
-def choose_pairs(photos: pd.DataFrame, config: MatchingConfig) -> tuple[Int[np.ndarray, "m 2"], str]:
-    """Return pairs (i < j) of photo ids, and the way they were chosen: `exhaustive` or `gps`.
+@dataclass(frozen=True)
+class Choice:
+    """Which pairs (i < j, of photo ids) to compare, how they were chosen, and the photographs whose GPS was not enough."""
 
-    Photographs without GPS among many with it are compared with all others.
-    """
+    pairs: Int[np.ndarray, "m 2"]
+    by: str
+    doubted: Int[np.ndarray, " d"]
+
+
+def choose_pairs(photos: pd.DataFrame, config: MatchingConfig, compare: Compare) -> Choice:
+    """Choose pairs; `by` is `exhaustive`, `gps`, `coarse`, or `gps and coarse`. Raises InputError without the GPS asked for."""
     enu = gps_positions(photos)[0]
     located = np.isfinite(enu[:, 0])
-    if len(photos) <= config.exhaustive_limit or located.mean() < 0.5:
-        return exhaustive_pairs(len(photos)), "exhaustive"
-    return neighbour_pairs(enu[:, :2], config.neighbours), "gps"
+    nobody = np.zeros(0, int)
+    few = config.pairs == "auto" and len(photos) <= config.exhaustive_limit
+    if few or config.pairs == "exhaustive" or len(photos) < 3:
+        return Choice(exhaustive_pairs(len(photos)), "exhaustive", nobody)
+    if config.pairs == "gps":
+        if located.sum() < 2:
+            raise InputError(
+                f"matching.pairs=gps, but {located.sum()} of {len(photos)} photographs have GPS",
+                "Use matching.pairs=auto, which needs no GPS.",
+            )
+        near = neighbour_pairs(enu[:, :2], config.neighbours)
+        return Choice(_distinct(np.concatenate([near, sequence_pairs(len(photos))])), "gps", nobody)
+    if config.pairs == "coarse" or located.sum() < 2:
+        return Choice(_looked_up(len(photos), np.arange(len(photos)), config, compare), "coarse", nobody)
+    return _checked(enu[:, :2], config, compare)
+
+
+def _checked(positions_m: Float[np.ndarray, "n 2"], config: MatchingConfig, compare: Compare) -> Choice:
+    """Return the neighbours by GPS, and more for the photographs that do not look like theirs."""
+    count = len(positions_m)
+    near, far = neighbour_pairs(positions_m, config.neighbours), drawn_pairs(count, config)
+    far = far[~np.isin(_number(far, count), _number(near, count))]
+    doubted = doubtful(near, compare(near), far, compare(far), count)
+    chosen = np.concatenate([near, sequence_pairs(count)])
+    if not len(doubted):
+        return Choice(_distinct(chosen), "gps", doubted)
+    more = _looked_up(count, doubted, config, compare)
+    return Choice(_distinct(np.concatenate([chosen, more])), "gps and coarse", doubted)
+
+
+def doubtful(
+    near: Int[np.ndarray, "m 2"],
+    near_scores: Int[np.ndarray, " m"],
+    far: Int[np.ndarray, "k 2"],
+    far_scores: Int[np.ndarray, " k"],
+    count: int,
+) -> Int[np.ndarray, " d"]:
+    """Return the photographs that do not look more like their neighbours than like others, or not like the larger part.
+
+    The first is the chance that a neighbour scores higher than another photograph (the area under the ROC curve); the second
+    follows pairs that are alike beyond doubt.
+    """
+    near_of, far_of = _by_photo(near, near_scores, count), _by_photo(far, far_scores, count)
+    borne_out = np.array([_chance_higher(*scores) > _LEAST_CHANCE for scores in zip(near_of, far_of, strict=True)])
+    alike = near[near_scores >= ALIKE]
+    graph = coo_array((np.ones(len(alike)), (alike[:, 0], alike[:, 1])), shape=(count, count))
+    part = connected_components(graph, directed=False)[1]
+    return np.flatnonzero(~borne_out | (part != np.bincount(part).argmax()))
+
+
+def drawn_pairs(count: int, config: MatchingConfig) -> Int[np.ndarray, "m 2"]:
+    """Return pairs of each photograph with others drawn at random."""
+    rng = np.random.default_rng(config.seed)
+    drawn = [rng.choice(count, min(config.neighbours, count), replace=False) for _ in range(count)]
+    return _distinct(np.stack([np.repeat(np.arange(count), len(drawn[0])), np.concatenate(drawn)], axis=1))
+
+
+def _looked_up(
+    count: int, wanted: Int[np.ndarray, " w"], config: MatchingConfig, compare: Compare
+) -> Int[np.ndarray, "m 2"]:
+    """Return the pairs of each wanted photograph with those it looks most like among all, and what joins all parts."""
+    rows, others = np.repeat(wanted, count), np.tile(np.arange(count), len(wanted))
+    pairs = _distinct(np.stack([rows, others], axis=1))
+    scores = np.full((count, count), _UNKNOWN, np.int16)
+    scores[pairs[:, 0], pairs[:, 1]] = scores[pairs[:, 1], pairs[:, 0]] = compare(pairs)
+    return _distinct(
+        np.concatenate([most_alike(scores, wanted, config.neighbours), joining_pairs(scores), sequence_pairs(count)])
+    )
+
+
+def most_alike(
+    scores: Int[np.ndarray, "n n"], wanted: Int[np.ndarray, " w"], neighbours: int
+) -> Int[np.ndarray, "m 2"]:
+    """Return the pairs of each wanted photograph with those of the highest scores; among equals, the first."""
+    best = np.argsort(-scores[wanted], axis=1, kind="stable")[:, :neighbours]
+    pairs = np.stack([np.repeat(wanted, best.shape[1]), best.ravel()], axis=1)
+    return pairs[scores[pairs[:, 0], pairs[:, 1]] != _UNKNOWN]
+
+
+def joining_pairs(scores: Int[np.ndarray, "n n"]) -> Int[np.ndarray, "m 2"]:
+    """Return three spanning trees (or forests) of the highest scores that have no pair in common."""
+    left = np.triu(np.maximum(scores, 0), k=1).astype(float)
+    trees = [np.zeros((0, 2), int)]
+    for _ in range(_SPANNING_TREES):
+        i, j = np.nonzero(left)
+        costs = coo_array((1 / left[i, j], (i, j)), shape=scores.shape)
+        tree = np.stack(minimum_spanning_tree(costs.tocsr()).nonzero(), axis=1)
+        left[tree[:, 0], tree[:, 1]] = left[tree[:, 1], tree[:, 0]] = 0
+        trees.append(tree)
+    return np.concatenate(trees)
 
 
 def exhaustive_pairs(count: int) -> Int[np.ndarray, "m 2"]:
@@ -33,27 +140,18 @@ def exhaustive_pairs(count: int) -> Int[np.ndarray, "m 2"]:
     return np.stack([i, j], axis=1)[order]
 
 
-def neighbour_pairs(positions_m: Float[np.ndarray, "n 2"], neighbours: int) -> Int[np.ndarray, "m 2"]:
-    """Return the pairs of each photograph with its nearest ones and with the next ones in capture order.
+def sequence_pairs(count: int) -> Int[np.ndarray, "m 2"]:
+    """Return the pairs of each photograph with the next ones in capture order."""
+    steps = range(1, min(_IN_SEQUENCE, count - 1) + 1)
+    return np.concatenate([np.stack([np.arange(count - step), np.arange(step, count)], axis=1) for step in steps])
 
-    A row of NaN is a photograph without a position, paired with all.
-    """
-    count = len(positions_m)
+
+def neighbour_pairs(positions_m: Float[np.ndarray, "n 2"], neighbours: int) -> Int[np.ndarray, "m 2"]:
+    """Return the pairs of each photograph with its nearest ones; a row of NaN is one without a position, which has none."""
     located = np.flatnonzero(np.isfinite(positions_m).all(axis=1))
-    lost = np.setdiff1d(np.arange(count), located)
     most = min(neighbours + 1, len(located))  # a photograph is its own nearest
     nearest = np.asarray(KDTree(positions_m[located]).query(positions_m[located], k=most)[1])
-    steps = range(1, _IN_SEQUENCE + 1)
-    sequence = np.concatenate([np.stack([np.arange(count - step), np.arange(step, count)], axis=1) for step in steps])
-    pairs = np.concatenate(
-        [
-            np.stack([np.repeat(located, most), located[nearest.ravel()]], axis=1),
-            np.stack([np.repeat(lost, count), np.tile(np.arange(count), len(lost))], axis=1),
-            sequence,
-        ]
-    )
-    pairs = np.unique(np.sort(pairs, axis=1), axis=0)
-    return pairs[pairs[:, 0] < pairs[:, 1]]
+    return _distinct(np.stack([np.repeat(located, most), located[nearest.ravel()]], axis=1))
 
 
 def gps_positions(photos: pd.DataFrame) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " 3"]]:
@@ -70,3 +168,28 @@ def gps_positions(photos: pd.DataFrame) -> tuple[Float[np.ndarray, "n 3"], Float
     geodetic[located, 2] = np.where(np.isfinite(altitude), altitude, median_alt)
     origin = np.median(geodetic[located], axis=0)
     return enu_from_geodetic(geodetic, origin), origin
+
+
+def _chance_higher(scores: Int[np.ndarray, " m"], others: Int[np.ndarray, " k"]) -> float:
+    """Return the chance that a score is higher than one of the others, ties counting half; 1 if there are no others."""
+    if not len(others):
+        return 1.0
+    if not len(scores):
+        return 0.0
+    return float((np.sign(scores[:, None] - others).mean() + 1) / 2)
+
+
+def _by_photo(pairs: Int[np.ndarray, "m 2"], scores: Int[np.ndarray, " m"], count: int) -> list[Int[np.ndarray, " _"]]:
+    photo, score = pairs.T.ravel(), np.tile(scores, 2)
+    order = np.argsort(photo, kind="stable")
+    return np.split(score[order], np.searchsorted(photo[order], np.arange(1, count)))
+
+
+def _distinct(pairs: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, "k 2"]:
+    """Return the pairs with i < j, each once, sorted."""
+    pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+    return pairs[pairs[:, 0] < pairs[:, 1]]
+
+
+def _number(pairs: Int[np.ndarray, "m 2"], count: int) -> Int[np.ndarray, " m"]:
+    return pairs[:, 0] * count + pairs[:, 1]

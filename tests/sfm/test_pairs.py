@@ -1,16 +1,32 @@
-"""The pairs compared are each photograph's neighbours, or all."""
+"""The pairs compared are all, each photograph's neighbours by GPS, or those that look alike; wrong GPS is found out."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import connected_components
 
+from aug3d_core.errors import InputError
 from aug3d_core.geometry.geodesy import geodetic_from_enu
+from aug3d_core.sfm.coarse import Compare
 from aug3d_core.sfm.config import MatchingConfig
-from aug3d_core.sfm.pairs import choose_pairs, exhaustive_pairs, gps_positions, neighbour_pairs
+from aug3d_core.sfm.pairs import (
+    choose_pairs,
+    drawn_pairs,
+    exhaustive_pairs,
+    gps_positions,
+    joining_pairs,
+    most_alike,
+    neighbour_pairs,
+    sequence_pairs,
+)
+
+STEP_M = 20.0
+REACH_M = 60.0
+CONFIG = MatchingConfig(exhaustive_limit=30, neighbours=8)
 
 
 def photos_at(enu: np.ndarray) -> pd.DataFrame:
@@ -18,9 +34,29 @@ def photos_at(enu: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(geodetic, columns=["lat_deg", "lon_deg", "alt_m"])
 
 
-def grid(side: int, step_m: float = 20.0) -> np.ndarray:
+def grid(side: int, step_m: float = STEP_M) -> np.ndarray:
     east, north = np.meshgrid(np.arange(side), np.arange(side))
     return np.stack([east.ravel(), north.ravel(), np.full(side * side, 2.5)], axis=1) * step_m
+
+
+def alike_within_reach(enu: np.ndarray) -> Compare:
+    """Return scores that fall with the true distance and are 3 where nothing is shared."""
+
+    def compare(pairs: np.ndarray) -> np.ndarray:
+        apart_m = np.linalg.norm(enu[pairs[:, 0]] - enu[pairs[:, 1]], axis=1)
+        return np.where(apart_m < REACH_M, 100 - apart_m, 3).astype(int)
+
+    return compare
+
+
+def not_asked(pairs: np.ndarray) -> np.ndarray:
+    raise AssertionError("nothing had to be ranked")
+
+
+def share_of_near(enu: np.ndarray, pairs: np.ndarray) -> float:
+    """Return which share of the pairs of true neighbours is among the pairs."""
+    chosen = {tuple(pair) for pair in pairs}
+    return float(np.mean([tuple(pair) in chosen for pair in neighbour_pairs(enu[:, :2], 4)]))
 
 
 @given(st.integers(2, 70))
@@ -36,7 +72,7 @@ def test_exhaustive_pairs_use_few_photographs_at_a_time() -> None:
 
 
 @given(st.integers(3, 40), st.integers(2, 8), st.integers(0, 2**31))
-def test_each_photograph_meets_its_nearest_and_its_next(count: int, neighbours: int, seed: int) -> None:
+def test_each_photograph_meets_its_nearest(count: int, neighbours: int, seed: int) -> None:
     positions = np.random.default_rng(seed).normal(size=(count, 2)) * 100
     pairs = {tuple(pair) for pair in neighbour_pairs(positions, neighbours)}
     assert all(i < j for i, j in pairs)
@@ -44,32 +80,119 @@ def test_each_photograph_meets_its_nearest_and_its_next(count: int, neighbours: 
         distance = np.linalg.norm(positions - positions[i], axis=1)
         for j in np.argsort(distance)[1 : neighbours + 1]:
             assert (min(i, j), max(i, j)) in pairs
-    assert all((i, i + 1) in pairs for i in range(count - 1))
 
 
-def test_a_photograph_without_a_position_meets_all() -> None:
+@given(st.integers(2, 30))
+def test_each_photograph_meets_its_next_two(count: int) -> None:
+    expected = {(i, j) for i in range(count) for j in range(i + 1, min(i + 3, count))}
+    assert {tuple(pair) for pair in sequence_pairs(count)} == expected
+
+
+def test_a_photograph_without_a_position_has_no_neighbours() -> None:
     positions = grid(6)[:, :2]
     positions[7] = np.nan
-    pairs = neighbour_pairs(positions, 4)
-    assert (pairs == 7).any(axis=1).sum() == 35
+    assert 7 not in neighbour_pairs(positions, 4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(3, 40), st.integers(1, 8), st.integers(0, 2**31))
+def test_each_photograph_meets_those_it_looks_most_like(count: int, neighbours: int, seed: int) -> None:
+    scores = np.random.default_rng(seed).permutation(count * count).reshape(count, count)
+    scores = np.maximum(scores, scores.T)
+    np.fill_diagonal(scores, -1)
+    pairs = {tuple(sorted(pair)) for pair in most_alike(scores, np.arange(count), neighbours)}
+    for i in range(count):
+        for j in np.argsort(-scores[i])[: min(neighbours, count - 1)]:
+            assert (min(i, j), max(i, j)) in pairs
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(10, 40), st.integers(0, 2**31))
+def test_what_joins_all_parts_does_so_by_other_pairs_each_time(count: int, seed: int) -> None:
+    scores = np.random.default_rng(seed).integers(1, 200, (count, count)).astype(np.int16)
+    scores = np.maximum(scores, scores.T)
+    pairs = joining_pairs(scores)
+    assert 2 * (count - 1) < len(np.unique(pairs, axis=0)) == len(pairs) <= 3 * (count - 1)
+    for tree in (pairs[: count - 1], pairs[count - 1 : 2 * (count - 1)]):
+        graph = np.zeros((count, count))
+        graph[tree[:, 0], tree[:, 1]] = 1
+        assert connected_components(graph, directed=False)[0] == 1
+
+
+def test_photographs_that_share_nothing_are_not_joined() -> None:
+    assert len(joining_pairs(np.zeros((5, 5), np.int16))) == 0
+
+
+def test_drawn_pairs_depend_on_the_seed_alone() -> None:
+    first, second = drawn_pairs(50, CONFIG), drawn_pairs(50, CONFIG)
+    np.testing.assert_array_equal(first, second)
+    assert len(drawn_pairs(50, MatchingConfig(seed=1))) > 0
+    assert (first[:, 0] < first[:, 1]).all()
 
 
 def test_few_photographs_are_all_compared() -> None:
-    pairs, chosen_by = choose_pairs(photos_at(grid(5)), MatchingConfig(exhaustive_limit=25))
-    assert (len(pairs), chosen_by) == (300, "exhaustive")
+    choice = choose_pairs(photos_at(grid(5)), MatchingConfig(exhaustive_limit=25), not_asked)
+    assert (len(choice.pairs), choice.by) == (300, "exhaustive")
 
 
-def test_many_photographs_with_gps_are_compared_with_neighbours() -> None:
-    pairs, chosen_by = choose_pairs(photos_at(grid(12)), MatchingConfig(exhaustive_limit=100, neighbours=8))
-    assert chosen_by == "gps"
-    assert len(pairs) < 144 * 10
+def test_true_gps_gives_neighbours_alone() -> None:
+    enu = grid(12)
+    choice = choose_pairs(photos_at(enu), CONFIG, alike_within_reach(enu))
+    assert choice.by == "gps"
+    assert len(choice.doubted) == 0
+    assert len(choice.pairs) < 144 * 8
+    assert share_of_near(enu, choice.pairs) == 1.0
 
 
-def test_many_photographs_without_gps_are_all_compared() -> None:
-    photos = photos_at(grid(12))
-    photos.loc[10:] = np.nan
-    pairs, chosen_by = choose_pairs(photos, MatchingConfig(exhaustive_limit=100))
-    assert (len(pairs), chosen_by) == (144 * 143 // 2, "exhaustive")
+def test_without_gps_those_that_look_alike_are_compared() -> None:
+    enu = grid(12)
+    choice = choose_pairs(photos_at(enu) * np.nan, CONFIG, alike_within_reach(enu))
+    assert choice.by == "coarse"
+    assert len(choice.pairs) < 144 * 10
+    assert share_of_near(enu, choice.pairs) == 1.0
+
+
+@pytest.mark.parametrize("wrong", ["swapped", "shuffled", "identical", "stuck", "shifted", "wild", "missing"])
+def test_wrong_gps_loses_no_neighbours(wrong: str) -> None:
+    enu = grid(12)
+    photos, half = photos_at(enu), slice(len(enu) // 2, None)
+    rng = np.random.default_rng(0)
+    if wrong == "swapped":
+        photos[["lat_deg", "lon_deg"]] = photos[["lon_deg", "lat_deg"]].to_numpy()
+    elif wrong == "shuffled":
+        photos[:] = photos.to_numpy()[rng.permutation(len(photos))]
+    elif wrong == "identical":
+        photos[:] = photos.to_numpy()[0]
+    elif wrong == "stuck":
+        photos.iloc[half] = photos.to_numpy()[0]
+    elif wrong == "shifted":
+        photos.loc[photos.index[half], "lat_deg"] += 1
+    elif wrong == "wild":
+        photos.loc[::5, "lat_deg"] += rng.normal(size=len(photos[::5]))
+    else:
+        photos.loc[::3] = np.nan
+    choice = choose_pairs(photos, CONFIG, alike_within_reach(enu))
+    # Swapped axes stretch the map, but keep who is beside whom.
+    assert share_of_near(enu, choice.pairs) > 0.95
+    assert wrong == "swapped" or choice.by == "gps and coarse"
+    assert len(choice.pairs) < len(exhaustive_pairs(len(photos))) / 3
+
+
+def test_the_way_can_be_prescribed() -> None:
+    enu = grid(12)
+    photos, compare = photos_at(enu), alike_within_reach(enu)
+    ways = {
+        way: choose_pairs(photos, MatchingConfig(pairs=way, neighbours=8), compare)
+        for way in ("exhaustive", "gps", "coarse")
+    }
+    assert {way: choice.by for way, choice in ways.items()} == {way: way for way in ways}
+    assert len(ways["exhaustive"].pairs) == 144 * 143 // 2
+
+
+def test_gps_pairs_without_gps_are_refused() -> None:
+    with pytest.raises(InputError, match=r"matching\.pairs=gps, but 0 of 144 photographs have GPS") as caught:
+        choose_pairs(photos_at(grid(12)) * np.nan, MatchingConfig(pairs="gps"), not_asked)
+    assert "matching.pairs=auto" in caught.value.remedy
 
 
 def test_gps_positions_are_metres_about_the_middle() -> None:

@@ -1,0 +1,97 @@
+"""Copy features and matches of known photographs from an earlier database, so that only what is new is computed.
+
+A photograph is known by the digest of its working copy, which is what features are searched in. The result is what computing
+everything again would give: matches depend on their two photographs alone, and a geometry, found by seeded RANSAC, also on
+the pair's order and its cameras. Where one of these changed, the matches are copied and the geometry is left to be found.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pycolmap
+from jaxtyping import Bool, Int
+
+from aug3d_core.sfm.matching_table import read_matching_table
+from aug3d_core.store import layout
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """An earlier database, and for each photograph of today the one it was there (-1: not there)."""
+
+    database: Path
+    was: Int[np.ndarray, " n"]
+
+    @property
+    def known(self) -> Bool[np.ndarray, " n"]:
+        """Which photographs were there."""
+        return self.was >= 0
+
+
+def digests(photos: pd.DataFrame, images: Path) -> list[str]:
+    """Return the SHA-256 of each photograph's working copy."""
+    names = (layout.image_name(photo_id) for photo_id in photos["photo_id"])
+    return [hashlib.sha256((images / name).read_bytes()).hexdigest() for name in names]
+
+
+def best_earlier(image_sha256: list[str], folder: Path | None) -> Earlier | None:
+    """Return the earlier output that shares most photographs, the newest of equals; None if none shares any."""
+    best: Earlier | None = None
+    for files in sorted(folder.iterdir()) if folder is not None and folder.exists() else []:
+        table = read_matching_table(files)
+        was_there = dict(zip(table["image_sha256"], table["photo_id"], strict=True))
+        found = Earlier(files / layout.FEATURES, np.array([was_there.get(digest, -1) for digest in image_sha256], int))
+        if found.known.sum() > (0 if best is None else best.known.sum()):
+            best = found
+    return best
+
+
+def copy_features(earlier: Earlier, database: Path) -> None:
+    """Copy keypoints and descriptors of the known photographs."""
+    with pycolmap.Database.open(earlier.database) as old, pycolmap.Database.open(database) as new:
+        old_id, new_id = _image_ids(old), _image_ids(new)
+        with pycolmap.DatabaseTransaction(new):
+            for photo in np.flatnonzero(earlier.known):
+                source, target = old_id[earlier.was[photo]], new_id[photo]
+                new.write_keypoints(target, old.read_keypoints(source))
+                new.write_descriptors(target, old.read_descriptors(source))
+
+
+def copy_matches(earlier: Earlier, pairs: Int[np.ndarray, "m 2"], database: Path) -> Bool[np.ndarray, " m"]:
+    """Copy what is known of the pairs, failed ones too; return for which nothing is left to do."""
+    done = np.zeros(len(pairs), bool)
+    with pycolmap.Database.open(earlier.database) as old, pycolmap.Database.open(database) as new:
+        old_id, new_id = _image_ids(old), _image_ids(new)
+        same = {
+            photo: _camera(old, old_id[earlier.was[photo]]) == _camera(new, new_id[photo])
+            for photo in np.flatnonzero(earlier.known)
+        }
+        with pycolmap.DatabaseTransaction(new):
+            for at in np.flatnonzero(earlier.known[pairs].all(axis=1)):
+                one, two = sorted(pairs[at], key=lambda photo: new_id[photo])
+                sources, targets = [old_id[earlier.was[photo]] for photo in (one, two)], (new_id[one], new_id[two])
+                if sources[0] == sources[1] or not old.exists_two_view_geometry(*sources):
+                    continue
+                turned = sources[0] > sources[1]
+                matches = old.read_matches(*sources)
+                new.write_matches(*targets, matches[np.argsort(matches[:, 0])] if turned else matches)
+                if not turned and same[one] and same[two]:
+                    new.write_two_view_geometry(*targets, old.read_two_view_geometry(*sources))
+                    done[at] = True
+    return done
+
+
+def _image_ids(database: pycolmap.Database) -> dict[int, int]:
+    """Return the database's id of each photograph."""
+    ids = {image.name: image.image_id for image in database.read_all_images()}
+    return {photo: ids[layout.image_name(photo)] for photo in range(len(ids))}
+
+
+def _camera(database: pycolmap.Database, image_id: int) -> tuple:
+    camera = database.read_camera(database.read_image(image_id).camera_id)
+    return camera.model, camera.width, camera.height, tuple(camera.params), camera.has_prior_focal_length

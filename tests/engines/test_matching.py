@@ -1,0 +1,176 @@
+"""The matching stage: the same bytes however it came about, only new work for new photographs, a camera for each camera."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pycolmap
+import pytest
+from engines.little_scene import FOCAL_PX, poses, write_flight
+from PIL import Image
+
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.stage import run as take_in
+from aug3d_core.store import layout
+
+pytestmark = pytest.mark.slow
+
+
+def take_photos(folder: Path, out: Path) -> Path:
+    out.mkdir(parents=True)
+    take_in({"folder": folder}, PhotosConfig(), out, lambda done, total, what: None)
+    return out
+
+
+def run_matching(
+    photos: Path, folder: Path, earlier: list[Path] | None = None, cpus: set[int] | None = None, **config: Any
+) -> dict[str, Any]:
+    """Run the stage in a process of its own, as the factory does; return its outcome, or its error."""
+    folder.mkdir(parents=True)
+    inputs = {"photos": str(photos)}
+    if earlier is not None:
+        inputs[layout.EARLIER] = str(folder / layout.EARLIER)
+        (folder / layout.EARLIER).mkdir()
+        for age, files in enumerate(earlier):
+            (folder / layout.EARLIER / f"{age:02d}").symlink_to(files)
+    (folder / "job.json").write_text(json.dumps({"stage": "matching", "config": config, "inputs": inputs}))
+    subprocess.run(
+        [sys.executable, "-m", "aug3d_core.sfm", str(folder / "job.json")],
+        check=False,
+        preexec_fn=None if cpus is None else lambda: os.sched_setaffinity(0, cpus),
+        timeout=300,
+    )
+    result = folder / "outcome.json" if (folder / "outcome.json").exists() else folder / "error.json"
+    return json.loads(result.read_text())
+
+
+def files_of(folder: Path) -> Path:
+    return folder / "files"
+
+
+def assert_same_files(first: Path, second: Path) -> None:
+    names = sorted(path.name for path in first.iterdir())
+    assert names == sorted(path.name for path in second.iterdir()) == [layout.FEATURES, layout.MATCHING_TABLE]
+    for name in names:
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+
+
+def write_some(folder: Path, which: list[int]) -> Path:
+    """Write some photographs of one flight, as a user who has not taken or not copied the others yet."""
+    write_flight(folder, poses(), noise_m=0.2)
+    for i in set(range(12)) - set(which):
+        (folder / f"photo_{i}.jpg").unlink()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Return a folder with `photos` and `all`, the finished stage over 12 photographs, and its outcome."""
+    folder = tmp_path_factory.mktemp("matched")
+    photos = take_photos(write_some(folder / "in", list(range(12))), folder / "photos")
+    return folder, run_matching(photos, folder / "all")
+
+
+def test_metrics_and_table_agree(flown: tuple[Path, dict[str, Any]]) -> None:
+    folder, outcome = flown
+    metrics, table = outcome["metrics"], pd.read_parquet(files_of(folder / "all") / layout.MATCHING_TABLE)
+    assert (metrics["photos"], metrics["pairs_possible"], metrics["pairs_tried"]) == (12, 66, 66)
+    assert metrics["pairs_by"] == "exhaustive"
+    assert table["matched_pairs"].sum() == 2 * metrics["pairs_matched"] > 40
+    assert (table["tried_pairs"] == 11).all()
+    assert table["features"].median() == metrics["features_median"] > 1000
+    assert table["photo_id"].tolist() == list(range(12))
+    assert (metrics["photos_reused"], metrics["pairs_reused"]) == (0, 0)
+
+
+def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    run_matching(flown[0] / "photos", tmp_path / "one", cpus={min(os.sched_getaffinity(0))})
+    assert_same_files(files_of(flown[0] / "all"), files_of(tmp_path / "one"))
+
+
+def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    fewer = take_photos(write_some(tmp_path / "in", [0, 1, 2, 4, 5, 6, 7, 9, 10, 11]), tmp_path / "photos")
+    run_matching(fewer, tmp_path / "fewer")
+    few = take_photos(write_some(tmp_path / "in_few", [0, 1, 2]), tmp_path / "few_photos")
+    run_matching(few, tmp_path / "few")
+    earlier = [files_of(tmp_path / "few"), files_of(tmp_path / "fewer")]
+    grown = run_matching(flown[0] / "photos", tmp_path / "grown", earlier)["metrics"]
+    assert (grown["photos_reused"], grown["pairs_reused"], grown["pairs_tried"]) == (10, 45, 66)
+    assert_same_files(files_of(flown[0] / "all"), files_of(tmp_path / "grown"))
+
+
+def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    fewer = take_photos(write_some(tmp_path / "in", [0, 1, 2, 4, 5]), tmp_path / "photos")
+    run_matching(fewer, tmp_path / "anew")
+    shrunk = run_matching(fewer, tmp_path / "shrunk", [files_of(flown[0] / "all")])["metrics"]
+    assert (shrunk["photos_reused"], shrunk["pairs_reused"]) == (5, 10)
+    assert_same_files(files_of(tmp_path / "anew"), files_of(tmp_path / "shrunk"))
+
+
+def test_another_order_and_another_lens_are_verified_again(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    """A photograph without a time, nor focal length, puts all in the order of their names: the opposite of before."""
+    write_some(tmp_path / "in", list(range(8)))
+    for i in range(8):
+        (tmp_path / "in" / f"photo_{i}.jpg").rename(tmp_path / "in" / f"p{20 - i}.jpg")
+    with Image.open(tmp_path / "in" / "p15.jpg") as image:
+        image.load()
+    image.info.pop("exif")
+    image.save(tmp_path / "in" / "p15.jpg", quality=95)
+    photos = take_photos(tmp_path / "in", tmp_path / "photos")
+    run_matching(photos, tmp_path / "anew")
+    grown = run_matching(photos, tmp_path / "grown", [files_of(flown[0] / "all")])["metrics"]
+    assert grown["photos_reused"] >= 7
+    assert grown["pairs_reused"] == 0
+    assert_same_files(files_of(tmp_path / "anew"), files_of(tmp_path / "grown"))
+
+
+def test_each_camera_is_a_camera(tmp_path: Path) -> None:
+    """Two with known focal lengths, by turns, a third of another size, and a fourth without EXIF."""
+    write_flight(tmp_path / "in", poses()[:6], seed=0)
+    for i, change in ((1, "focal"), (3, "focal"), (4, "size"), (5, "bare")):
+        file = tmp_path / "in" / f"photo_{i}.jpg"
+        with Image.open(file) as image:
+            image.load()
+        exif = image.getexif()
+        if change == "focal":
+            exif.get_ifd(0x8769).update({0x920A: 8.0, 0xA405: 60})  # FocalLength, FocalLengthIn35mmFilm
+        if change == "size":
+            image = image.crop((0, 0, 320, 200))
+        image.save(file, quality=95, exif=Image.Exif() if change == "bare" else exif)
+    photos = take_photos(tmp_path / "in", tmp_path / "photos")
+    run_matching(photos, tmp_path / "out")
+    with pycolmap.Database.open(files_of(tmp_path / "out") / layout.FEATURES) as database:
+        cameras = {camera.camera_id: camera for camera in database.read_all_cameras()}
+        camera_of = {image.name: cameras[image.camera_id] for image in database.read_all_images()}
+    by_photo = [camera_of[layout.image_name(i)] for i in range(6)]
+    assert [camera.camera_id for camera in by_photo[:5]] == [by_photo[0].camera_id, by_photo[1].camera_id] * 2 + [
+        by_photo[4].camera_id
+    ]
+    assert len(cameras) == len({camera.camera_id for camera in by_photo}) == 4
+    assert [camera.has_prior_focal_length for camera in by_photo] == [True] * 5 + [False]
+    np.testing.assert_allclose([camera.focal_length for camera in by_photo[:2]], [FOCAL_PX, 2 * FOCAL_PX], rtol=1e-6)
+    assert (by_photo[4].width, by_photo[4].height) == (320, 200)
+
+
+def test_without_gps_pairs_are_those_that_look_alike(tmp_path: Path) -> None:
+    photos = take_photos(write_flight(tmp_path / "in", poses(), gps=False), tmp_path / "photos")
+    metrics = run_matching(photos, tmp_path / "out", exhaustive_limit=5, neighbours=3)["metrics"]
+    assert metrics["pairs_by"] == "coarse"
+    assert metrics["pairs_ranked"] == 66 > metrics["pairs_tried"]
+    table = pd.read_parquet(files_of(tmp_path / "out") / layout.MATCHING_TABLE)
+    assert table["matched_pairs"].min() >= 3
+
+
+def test_photographs_without_texture_are_named(tmp_path: Path) -> None:
+    write_flight(tmp_path / "in", poses()[:4])
+    Image.new("RGB", (320, 240), (90, 120, 80)).save(tmp_path / "in" / "meadow.png")
+    outcome = run_matching(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "out")
+    assert outcome["metrics"]["features_min"] == 0
+    assert outcome["notes"] == ["1 photographs have fewer than 100 features (no texture, or blurred): meadow.png"]
