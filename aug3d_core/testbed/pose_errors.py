@@ -69,7 +69,8 @@ def footprint_ious(found: Views, truth: Views, town: Mesh, rng: np.random.Genera
 
     Both frames, the true one and the found one laid over the truth, are counted over the same points, spread evenly over
     the town and hidden or not. Unlike an error in degrees this holds pose and focal length together, as what a photograph
-    is taken to show. It is 0 where neither frame shows any of the town.
+    is taken to show. What undistortion cuts away, or a bending lens shows beyond a pinhole's frame, counts as missing: perfect
+    poses reach 0.99, not 1. It is 0 where neither frame shows any of the town.
     """
     true, align = _partners(found, truth), true_from_found(found, truth)
     laid = Views(found.photo_id, align.move_cameras(found.cam_from_world), found.intrinsics, found.size)
