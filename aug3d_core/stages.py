@@ -59,7 +59,7 @@ DEPTH = Stage(
     "consistent_share",
 )
 SURFACE = Stage(
-    "surface", SurfaceConfig, ("sfm", "grouping"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
+    "surface", SurfaceConfig, ("sfm", "grouping", "depth"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
 )
 MESH_TRUTH = Stage(
     "mesh_truth",

@@ -13,7 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = ("aug3d_core", "tasks", "flows")
 DOORS = {
-    "pycolmap": {"aug3d_core/sfm", "aug3d_core/formats/colmap.py"},
+    "pycolmap": {"aug3d_core/sfm", "aug3d_core/depth", "aug3d_core/formats/colmap.py"},
+    "cv2": {"aug3d_core/depth"},
     "open3d": {"aug3d_core/surface"},
     "bpy": {"aug3d_core/rendering"},
     "torch": {"aug3d_core/nerf", "aug3d_core/formats/torch_files.py"},
