@@ -27,6 +27,7 @@ def write_report(records: Made, metrics: Mapping[str, Any], out: Path) -> None:
         _stages(records, metrics),
         _curves(records),
         _test_views(records),
+        _unplaced(records),
         *(_stage(stage, record, folder) for stage, record, folder in records if record.pictures),
         _origin(records, metrics),
     ]
@@ -122,7 +123,7 @@ def _curves(records: Made) -> str:
 
 def _test_views(records: Made) -> str:
     """Return a row per held-out photo: every answer's PSNR, the best in bold."""
-    folder = next((folder for stage, _, folder in records if stage.name == "evaluation"), None)
+    folder = _folder(records, "evaluation")
     if folder is None or not (folder / layout.TEST_VIEWS).is_file():
         return ""
     views = pd.read_parquet(folder / layout.TEST_VIEWS).sort_values("psnr", ascending=False)
@@ -135,6 +136,26 @@ def _test_views(records: Made) -> str:
     heads = ("photo", "group", "SSIM", "PixelNeRF", *(spaced(name.removesuffix("_psnr")) for name in answers[1:]))
     intro = tag("p", "PSNR in dB of each held-out photo; the best answer in bold.", class_="dim")
     return tag("h2", "Held-out photos") + intro + table(heads, rows, numeric=range(len(heads)))
+
+
+def _unplaced(records: Made) -> str:
+    """Return a row per photo that fell out of the reconstruction: which, and the likely reason."""
+    folder = _folder(records, "sfm")
+    if folder is None or not (folder / layout.UNPLACED).is_file():
+        return ""
+    photos = pd.read_parquet(folder / layout.UNPLACED)
+    if photos.empty:
+        return ""
+    rows = [
+        (escape(row["name"]), escape(row["reason"]), str(row["features"]), str(row["matched_pairs"]))
+        for row in photos.to_dict("records")
+    ]
+    intro = tag("p", "Photos that have no place in the model, and the likely reason.", class_="dim")
+    return tag("h2", "Photos left out") + intro + table(("photo", "reason", "features", "pairs"), rows, numeric=(2, 3))
+
+
+def _folder(records: Made, name: str) -> Path | None:
+    return next((folder for stage, _, folder in records if stage.name == name), None)
 
 
 def _stage(stage: Stage, record: Record, folder: Path) -> str:

@@ -109,3 +109,16 @@ def test_a_run_without_any_stage_still_has_a_page(tmp_path):
     metrics = scene_metrics("empty", "tiny", "abc", 0.1, [], InputError("no photos", "add some"))
     write_report([], metrics, tmp_path / "report.html")
     assert "no photos" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_photos_that_fell_out_are_listed_with_the_reason(tmp_path):
+    row = {"photo_id": 3, "name": "<a>.jpg", "reason": "too blurred", "features": 40, "matched_pairs": 1}
+    pd.DataFrame([row]).to_parquet(tmp_path / layout.UNPLACED)
+    metrics = scene_metrics("s", "tiny", "abc", 1.0, [], None)
+    write_report(
+        [(STAGES["sfm"], record("sfm"), tmp_path)],
+        metrics | {"stages": {"sfm": {"seconds": 1.0, "cached": False, "peak_mib": 1.0}}},
+        tmp_path / "report.html",
+    )
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "&lt;a&gt;.jpg" in page and "too blurred" in page
