@@ -21,6 +21,9 @@ _GROUND_THICKNESS = 0.02  # of the median distance from cameras to points
 _MOST_TILT_DEG = 1.5  # uncertainty of the vertical at which GPS altitudes are worth less than the ground's own level
 _ALTITUDE_NOISE_M = 0.3  # the least to believe of any GPS
 _MOST_DISAGREEMENT = 0.25  # median GPS residual over the spread of the positions
+_LEAST_MIRRORED = 0.02  # the same ratio at which latitude and longitude may be swapped
+_MIRRORED_BETTER = 2.0  # times that the swapped positions fit better
+_MOST_LEAN_DEG = 3.0  # between the verticals of GPS altitudes and ground at which the cameras' horizons decide
 
 
 @dataclass(frozen=True)
@@ -46,19 +49,28 @@ def align(
     median_depth: float,
     gps_enu_m: Float[np.ndarray, "n 3"],
     rng: np.random.Generator,
+    swapped_enu_m: Float[np.ndarray, "n 3"] | None = None,
 ) -> Alignment:
-    """Find the world; rows of `gps_enu_m` are NaN without GPS."""
+    """Find the world; rows of `gps_enu_m` are NaN without GPS.
+
+    swapped_enu_m: the positions with latitude and longitude exchanged, tried only to explain positions that do not fit.
+    """
     up = fit_up(points_in_model, cam_from_model, _GROUND_THICKNESS * median_depth, rng)
     level = Similarity(1.0, rotation_to_z(up), np.zeros(3))
     located = np.isfinite(gps_enu_m[:, 0])
     problem = ""
     if located.sum() >= 3:
-        fit, up_from = _fit_gps(centres(cam_from_model)[located], gps_enu_m[located], level, rng)
+        fit, up_from = _fit_gps(cam_from_model[located], gps_enu_m[located], level, rng)
         residual_m = np.linalg.norm((fit.apply(centres(cam_from_model)) - gps_enu_m)[:, :2], axis=1)
         spread_m = float(np.sqrt(gps_enu_m[located, :2].var(axis=0).sum()))
-        if np.nanmedian(residual_m) < _MOST_DISAGREEMENT * spread_m:
+        disagreement = np.nanmedian(residual_m) / spread_m if spread_m > 0 else np.inf
+        if disagreement > _LEAST_MIRRORED and swapped_enu_m is not None:
+            flat = level.apply(centres(cam_from_model))[located, :2]
+            if _disagreement(flat, swapped_enu_m[located, :2], rng) * _MIRRORED_BETTER < disagreement:
+                problem = "latitude and longitude look swapped: exchanged, the positions fit the photographs"
+        if not problem and disagreement < _MOST_DISAGREEMENT:
             return _metric(fit, up_from, residual_m, cam_from_model, points_in_model, gps_enu_m)
-        problem = (
+        problem = problem or (
             f"the GPS positions contradict the photographs: median residual {np.nanmedian(residual_m):.1f} m where the "
             f"positions spread over {spread_m:.1f} m"
         )
@@ -68,24 +80,46 @@ def align(
     return Alignment(fit, False, "gravity", np.full(len(gps_enu_m), np.nan), np.nan, problem)
 
 
+def _disagreement(
+    flat: Float[np.ndarray, "n 2"], positions_m: Float[np.ndarray, "n 2"], rng: np.random.Generator
+) -> float:
+    """Return the median distance of the level cameras to the positions, over the spread of these."""
+    fit, _ = fit_similarity_robustly(flat, positions_m, rng)
+    residual_m = np.linalg.norm(fit.apply(flat) - positions_m, axis=1)
+    return float(np.median(residual_m) / max(np.sqrt(positions_m.var(axis=0).sum()), 1e-9))
+
+
 def _fit_gps(
-    centres_in_model: Float[np.ndarray, "n 3"],
+    cam_from_model: Float[np.ndarray, "n 3 4"],
     gps_enu_m: Float[np.ndarray, "n 3"],
     level: Similarity,
     rng: np.random.Generator,
 ) -> tuple[Similarity, str]:
     """Fit all three axes where that fixes the vertical well, else the horizontal ones, the vertical left to gravity."""
+    centres_in_model = centres(cam_from_model)
     fit, used = fit_similarity_robustly(centres_in_model, gps_enu_m, rng)
     up_noise_m = 1.4826 * np.median(np.abs((fit.apply(centres_in_model) - gps_enu_m)[used, 2]))
     across_m = np.linalg.svd(gps_enu_m[used, :2] - gps_enu_m[used, :2].mean(axis=0), compute_uv=False)[-1]
     tilt_deg = np.degrees(np.arctan2(max(up_noise_m, _ALTITUDE_NOISE_M), across_m))
-    if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0:
+    if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0 and not _leans(cam_from_model, fit, level):
         return fit, "gps"
     flat, used = fit_similarity_robustly(level.apply(centres_in_model)[:, :2], gps_enu_m[:, :2], rng)
     rotation = np.eye(3)
     rotation[:2, :2] = flat.rotation
     up_m = np.median(gps_enu_m[:, 2] - flat.scale * level.apply(centres_in_model)[:, 2])
     return Similarity(flat.scale, rotation, np.append(flat.translation, up_m)).after(level), "gravity"
+
+
+def _leans(cam_from_model: Float[np.ndarray, "n 3 4"], fit: Similarity, level: Similarity) -> bool:
+    """Tell whether altitudes that drift lean the world: level ground is then a slope, and level cameras roll.
+
+    On a true slope it is the other way round: cameras hang level, and would roll if the ground were.
+    """
+    by_gps, by_ground = fit.rotation[2], level.rotation[2]
+    if np.degrees(np.arccos(np.clip(by_gps @ by_ground, -1, 1))) <= _MOST_LEAN_DEG:
+        return False
+    right = cam_from_model[:, 0, :3]
+    return bool(np.median(np.abs(right @ by_gps)) > 2 * np.median(np.abs(right @ by_ground)))
 
 
 def _metric(

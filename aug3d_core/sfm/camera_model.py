@@ -1,7 +1,9 @@
 """Choose the smallest camera model that predicts the photographs, and keep EXIF's focal length unless freeing it pays.
 
 Each candidate is adjusted to nine tenths of the observations of some thousand points and judged by the rest, which it has not
-seen. More parameters than the lens needs do not predict better, and bend the scene where the photographs do not hold them.
+seen. A few percent less error is no reason for more parameters: on `brighton_beach` a second radial term gains 8 % and bends
+the flight by 1.3 % of its extent (0.15 % without), for it takes up what else moves the rim. A lens that needs the term gains
+far more: at k2 = 0.05 the corners of a photograph are ten pixels off without it.
 
 Over flat ground seen from straight above, a longer focal length and a higher flight make the same pictures, and bundle
 adjustment drifts along that valley: on `brighton_beach` by 18 %, and the flight with it from 39 m to 45 m (its own
@@ -23,7 +25,7 @@ SIMPLEST = "SIMPLE_RADIAL"
 EXIF, REFINED = "exif", "refined"
 
 _MODELS = (SIMPLEST, "RADIAL", "OPENCV")  # each holds the one before
-_WORTH_LENS = 1.01  # held-out error of a smaller camera model over that of a larger one
+_WORTH_LENS = 1.15  # held-out error of a smaller camera model over that of a larger one
 _WORTH_FOCAL = 1.03  # the same of the focal length kept over freed
 _TRIAL_POINTS = 4000
 _SHORTEST_TRACK = 3  # one held out leaves two

@@ -12,7 +12,7 @@ from jaxtyping import Float
 MOST_PCT = 1.0
 
 _FEWEST = 8
-_ROUNDS = 20
+_ROUNDS = 30
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Doming:
 
 
 def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
-    """Fit the cameras' heights minus GPS altitudes by a + b x + c y + d r^2, robustly (Huber, reweighted least squares).
+    """Fit the cameras' heights minus GPS altitudes by a + b x + c y + d r^2, robustly.
 
     at: camera centres in the world, in metres; rows of `gps_enu_m` without an altitude are NaN. None if there are too few
     positions, or if altitudes are too noisy to tell a bend of `MOST_PCT`. Bowls are positive, domes negative.
@@ -43,12 +43,13 @@ def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n
         return None
     xy, off = xy / (extent / 2), at[known, 2] - gps_enu_m[known, 2]
     basis = np.column_stack([np.ones(len(xy)), xy, (xy**2).sum(axis=1)])
-    weight = np.ones(len(off))
-    for _ in range(_ROUNDS):
+    fit = np.linalg.lstsq(basis, off, rcond=None)[0]
+    for _ in range(_ROUNDS):  # towards least absolute deviations, which wild altitudes hardly move
+        weight = 1 / np.maximum(np.abs(off - basis @ fit), 1e-6 * extent)
         fit = np.linalg.lstsq(basis * weight[:, None] ** 0.5, off * weight**0.5, rcond=None)[0]
-        residual = np.abs(off - basis @ fit)
-        scale = max(1.4826 * float(np.median(residual)), 1e-9 * extent)
-        weight = np.minimum(1.0, 1.345 * scale / np.maximum(residual, 1e-300))
-    covariance = np.linalg.pinv((basis * weight[:, None]).T @ basis)
+    scale = max(1.4826 * float(np.median(np.abs(off - basis @ fit))), 1e-9 * extent)
+    used = np.abs(off - basis @ fit) <= 3 * scale
+    fit = np.linalg.lstsq(basis[used], off[used], rcond=None)[0]
+    covariance = np.linalg.pinv(basis[used].T @ basis[used])
     doming = Doming(100 * float(fit[3]) / extent, 100 * scale * float(np.sqrt(covariance[3, 3])) / extent)
-    return doming if doming.sigma_pct <= MOST_PCT / 2 else None
+    return doming if doming.sigma_pct <= MOST_PCT else None

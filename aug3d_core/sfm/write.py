@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pycolmap
+from jaxtyping import Float
 
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.sfm import export
@@ -22,12 +23,19 @@ from aug3d_core.store import layout
 
 def align_model(model: pycolmap.Reconstruction, photos: pd.DataFrame, rng: np.random.Generator) -> Alignment:
     """Move the model into the world."""
-    gps_enu_m, _ = gps_positions(photos)
+    gps_enu_m, swapped_enu_m = gps_positions(photos)[0], _swapped_positions(photos)
     placed = [export.photo_id(image) for image in export.registered(model)]
     arrays = export.to_arrays(model)
     at = centres(arrays.views.cam_from_world)
     depth = np.linalg.norm(arrays.points.xyz[arrays.tracks.point] - at[arrays.tracks.view], axis=1)
-    alignment = align(arrays.views.cam_from_world, arrays.points.xyz, float(np.median(depth)), gps_enu_m[placed], rng)
+    alignment = align(
+        arrays.views.cam_from_world,
+        arrays.points.xyz,
+        float(np.median(depth)),
+        gps_enu_m[placed],
+        rng,
+        None if swapped_enu_m is None else swapped_enu_m[placed],
+    )
     fit = alignment.world_from_model
     model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
     return alignment
@@ -99,12 +107,22 @@ def model_metrics(
 
 
 def alignment_notes(alignment: Alignment) -> tuple[str, ...]:
-    """Say in words why the scale is nominal, if it is."""
+    """Say in words what GPS was not used for."""
     if alignment.problem:
         return (f"GPS is not used, the scale is nominal: {alignment.problem}",)
     if not alignment.metric:
         return ("no GPS: the scale is nominal, with the median camera 50 scene units above the ground",)
+    if alignment.up_from == "gravity":
+        return ("GPS altitudes do not fix the vertical, so it is taken from cameras and ground",)
     return ()
+
+
+def _swapped_positions(photos: pd.DataFrame) -> Float[np.ndarray, "n 3"] | None:
+    """Return the positions with latitude and longitude exchanged; None if they cannot be."""
+    lon_deg = photos["lon_deg"].to_numpy(float)
+    if not np.isfinite(lon_deg).any() or np.nanmax(np.abs(lon_deg)) > 90:
+        return None
+    return gps_positions(photos.rename(columns={"lat_deg": "lon_deg", "lon_deg": "lat_deg"}))[0]
 
 
 def _components(

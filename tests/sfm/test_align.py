@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from aug3d_core.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import centres, look_at
 from aug3d_core.sfm.align import NOMINAL_HEIGHT, Alignment, align
@@ -36,10 +37,10 @@ class Flight:
     def at(self) -> np.ndarray:
         return centres(self.cam_from_world)
 
-    def align(self, gps_enu_m: np.ndarray) -> Alignment:
+    def align(self, gps_enu_m: np.ndarray, swapped_enu_m: np.ndarray | None = None) -> Alignment:
         cameras = self.model_from_world.move_cameras(self.cam_from_world)
         points = self.model_from_world.apply(self.points)
-        return align(cameras, points, 0.037 * HEIGHT_M, gps_enu_m, np.random.default_rng(0))
+        return align(cameras, points, 0.037 * HEIGHT_M, gps_enu_m, np.random.default_rng(0), swapped_enu_m)
 
     def found(self, alignment: Alignment) -> np.ndarray:
         return alignment.world_from_model.apply(self.model_from_world.apply(self.at))
@@ -104,6 +105,46 @@ def test_good_altitudes_keep_a_slope_a_slope() -> None:
     assert alignment.up_from == "gps"
     up = alignment.world_from_model.rotation @ flight.model_from_world.rotation[:, 2]
     assert np.degrees(np.arccos(up[2])) < 0.5
+
+
+def test_a_fifth_of_the_positions_may_be_200_m_off() -> None:
+    flight = Flight(10)
+    gps = flight.at + flight.rng.normal(size=flight.at.shape)
+    wrong = flight.rng.permutation(len(gps))[: len(gps) // 5]
+    way = flight.rng.normal(size=(len(wrong), 2))
+    gps[wrong, :2] += 200 * way / np.linalg.norm(way, axis=1, keepdims=True)
+    offset = flight.found(flight.align(gps))[:, :2] - flight.at[:, :2]
+    assert np.linalg.norm(offset, axis=1).max() < 1.5
+
+
+def test_the_same_altitude_for_all_is_harmless() -> None:
+    flight = Flight(11)
+    alignment = flight.align(np.append(flight.at[:, :2], np.full((len(flight.at), 1), 5.0), axis=1))
+    assert np.std(flight.found(alignment)[:, 2] - flight.at[:, 2]) < 1
+    assert np.median(flight.found(alignment)[:, 2]) == pytest.approx(HEIGHT_M, abs=2)
+
+
+def test_altitudes_that_drift_do_not_lean_the_world() -> None:
+    flight = Flight(12)
+    drift_m = np.column_stack([np.zeros((len(flight.at), 2)), np.linspace(0, 20, len(flight.at))])
+    alignment = flight.align(flight.at + drift_m + flight.rng.normal(size=flight.at.shape) * 0.3)
+    assert alignment.metric
+    up = alignment.world_from_model.rotation @ flight.model_from_world.rotation[:, 2]
+    assert np.degrees(np.arccos(up[2])) < 1
+
+
+@settings(max_examples=3, deadline=None)
+@given(st.integers(0, 1000), st.floats(-70, 70), st.floats(-70, 70))
+def test_swapped_latitude_and_longitude_are_named_and_not_used(seed: int, lat_deg: float, lon_deg: float) -> None:
+    flight = Flight(seed)
+    noisy = flight.at + flight.rng.normal(size=flight.at.shape)
+    origin = np.array([lat_deg, lon_deg, 0.0])
+    geodetic = geodetic_from_enu(noisy, origin)
+    exchanged = enu_from_geodetic(geodetic[:, [1, 0, 2]], origin[[1, 0, 2]])
+    assert flight.align(noisy, exchanged).metric
+    alignment = flight.align(exchanged, noisy)
+    assert not alignment.metric
+    assert "latitude and longitude look swapped" in alignment.problem
 
 
 def test_without_gps_z_is_up_and_the_scale_nominal() -> None:

@@ -1,0 +1,69 @@
+"""A flight that is bent against its GPS altitudes is measured, whatever its altitudes are off by evenly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aug3d_core.sfm.doming import MOST_PCT, measure_doming
+
+EXTENT_M = float(np.hypot(140, 100))
+
+
+def flight(noise_m: float = 0.0, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Return camera centres of a grid, and their GPS positions."""
+    rng = np.random.default_rng(seed)
+    east, north = np.meshgrid(np.linspace(-70, 70, 8), np.linspace(-50, 50, 5))
+    at = np.column_stack([east.ravel(), north.ravel(), 60 + rng.normal(size=east.size)])
+    return at, at + rng.normal(size=at.shape) * noise_m
+
+
+def bent(at: np.ndarray, height_m: float) -> np.ndarray:
+    """Return the centres on a bowl of that height between the middle and the corners."""
+    return at + np.column_stack([np.zeros((len(at), 2)), height_m * (at[:, :2] ** 2).sum(axis=1) / (EXTENT_M / 2) ** 2])
+
+
+@given(st.floats(-20, 20), st.floats(-0.1, 0.1), st.floats(-100, 100))
+def test_the_height_of_the_bowl_is_found_whatever_the_level_and_the_lean(
+    bowl_m: float, lean: float, up_m: float
+) -> None:
+    at, gps = flight()
+    gps[:, 2] += up_m + lean * gps[:, 0]
+    doming = measure_doming(bent(at, bowl_m), gps)
+    assert doming is not None
+    assert doming.pct == pytest.approx(100 * bowl_m / EXTENT_M, abs=1e-6)
+
+
+def test_noise_and_wild_altitudes_bend_nothing() -> None:
+    at, gps = flight(noise_m=1.0)
+    gps[::7, 2] += 150
+    doming = measure_doming(at, gps)
+    assert doming is not None
+    assert abs(doming.pct) < 3 * doming.sigma_pct + 0.05
+    assert not doming.flagged
+
+
+def test_a_dome_beyond_the_bound_is_flagged() -> None:
+    at, gps = flight(noise_m=1.0)
+    flagged = measure_doming(bent(at, -0.02 * EXTENT_M), gps)
+    assert flagged is not None
+    assert flagged.flagged
+    assert flagged.pct < -MOST_PCT
+
+
+def test_altitudes_of_noise_tell_nothing() -> None:
+    at, gps = flight(noise_m=30.0)
+    assert measure_doming(at, gps) is None
+
+
+def test_positions_without_altitude_do_not_count() -> None:
+    at, gps = flight()
+    gps[7:] = np.nan
+    assert measure_doming(at, gps) is None
+
+
+def test_photographs_from_one_place_have_no_bend() -> None:
+    at = np.tile([1.0, 2.0, 3.0], (10, 1))
+    assert measure_doming(at, at) is None
