@@ -4,6 +4,7 @@ cameras       pinhole cameras at the size of the depth maps (plain numpy)
 sources       which photographs each one is compared with (plain numpy)
 ranges        how near and far, how low and high each photograph sees (plain numpy)
 planes        the planes to try, no more than the photographs can tell apart (plain numpy)
+search        the planes for one photograph, after a quick look for the highest and lowest places
 sweep         the plane on which the sources agree best with each pixel (OpenCV)
 normals       depth map -> normal map (OpenCV)
 consistency   what depth maps of other photographs confirm (plain numpy)

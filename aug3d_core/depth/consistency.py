@@ -25,37 +25,56 @@ class DepthMap:
     camera: Camera
 
 
-def confirmations(
-    reference: DepthMap, others: list[DepthMap]
-) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-    """Return how many others confirm each pixel, and the mean of its depth and of the depths they give it."""
-    count = np.zeros(reference.depth.shape, np.uint8)
-    total = reference.depth.astype(np.float64)
+@dataclass(frozen=True)
+class Confirmed:
+    """For each pixel of a depth map: what the others say."""
+
+    looking: UInt8[np.ndarray, "h w"]  # others whose image holds the place
+    agreeing: UInt8[np.ndarray, "h w"]  # those that see it at this depth
+    depth: Float32[np.ndarray, "h w"]  # mean of the map's own depth and theirs
+
+
+def confirm(reference: DepthMap, others: list[DepthMap]) -> Confirmed:
+    """Compare a depth map with those of others."""
     row, column = np.nonzero(reference.depth)
-    points = reference.camera.rays[row, column] * reference.depth[row, column, None]
+    own = reference.depth[row, column]
+    points = reference.camera.rays.astype(np.float32)[row, column] * own[:, None]
+    looking, agreeing, total = np.zeros(len(row), np.uint8), np.zeros(len(row), np.uint8), own.copy()
     for other in others:
-        confirmed, depth = _seen_back(reference.camera, points, row, column, other)
-        count[row[confirmed], column[confirmed]] += 1
-        total[row[confirmed], column[confirmed]] += depth[confirmed]
-    return count, (total / (count + 1.0)).astype(np.float32)
+        inside, confirmed, depth = _seen_back(reference.camera, points, row, column, other)
+        looking[inside] += 1
+        agreeing[inside[confirmed]] += 1
+        total[inside[confirmed]] += depth[confirmed]
+    return Confirmed(
+        _filled(reference, row, column, looking),
+        _filled(reference, row, column, agreeing),
+        _filled(reference, row, column, total / (agreeing + np.float32(1))),
+    )
+
+
+def _filled(reference: DepthMap, row: np.ndarray, column: np.ndarray, values: np.ndarray) -> np.ndarray:
+    image = np.zeros(reference.depth.shape, values.dtype)
+    image[row, column] = values
+    return image
 
 
 def _seen_back(
     camera: Camera, points: np.ndarray, row: np.ndarray, column: np.ndarray, other: DepthMap
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return which points the other map confirms, and the depth it gives them in the reference camera."""
-    rotation, translation = relative_pose(camera, other.camera)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the points inside the other image, which of these it confirms, and the depth it gives them here."""
+    rotation, translation = (part.astype(np.float32) for part in relative_pose(camera, other.camera))
     there = points @ rotation.T + translation
-    ahead = there[:, 2] > 0
-    pixel = np.full((len(points), 2), -1.0)
-    pixel[ahead] = there[ahead, :2] / there[ahead, 2:] * other.camera.intrinsics[:2] + other.camera.intrinsics[2:]
-    x, y = np.floor(pixel).astype(int).T
-    inside = (x >= 0) & (y >= 0) & (x < other.camera.width) & (y < other.camera.height)
-    x, y = np.where(inside, x, 0), np.where(inside, y, 0)
-    depth_there = np.where(inside, other.depth[y, x], 0.0)
-    back = (other.camera.rays[y, x] * depth_there[:, None] - translation) @ rotation
-    depth = np.maximum(back[:, 2], 1e-9)
+    focal, middle = other.camera.intrinsics[:2].astype(np.float32), other.camera.intrinsics[2:].astype(np.float32)
+    x, y = np.floor(there[:, :2] / np.maximum(there[:, 2:], np.float32(1e-6)) * focal + middle).T
+    inside = np.flatnonzero(
+        (there[:, 2] > 0) & (x >= 0) & (y >= 0) & (x < other.camera.width) & (y < other.camera.height)
+    )
+    x, y = x[inside].astype(int), y[inside].astype(int)
+    depth_there = other.depth[y, x]
+    rays = np.stack([(x + 0.5 - middle[0]) / focal[0], (y + 0.5 - middle[1]) / focal[1], np.ones(len(x))], axis=-1)
+    back = (rays.astype(np.float32) * depth_there[:, None] - translation) @ rotation
+    depth = np.maximum(back[:, 2], np.float32(1e-6))
     offset = back[:, :2] / depth[:, None] * camera.intrinsics[:2] + camera.intrinsics[2:] - 0.5
-    off_px = np.hypot(offset[:, 0] - column, offset[:, 1] - row)
-    off_depth = np.abs(depth - points[:, 2]) / points[:, 2]
-    return (depth_there > 0) & (off_px < MOST_OFF_PX) & (off_depth < MOST_OFF_DEPTH), depth
+    off_px = np.hypot(offset[:, 0] - column[inside], offset[:, 1] - row[inside])
+    off_depth = np.abs(depth / points[inside, 2] - 1)
+    return inside, (depth_there > 0) & (off_px < MOST_OFF_PX) & (off_depth < MOST_OFF_DEPTH), depth

@@ -9,10 +9,11 @@ from aug3d_core.stage import Frozen
 
 
 class PhotoTask(Frozen):
-    """One photograph: indices into the views of itself and its sources, best first, and the ranges to search."""
+    """One photograph: indices into the views of itself and of others, best first, and the ranges to search."""
 
     view: int
-    sources: tuple[int, ...]
+    sources: tuple[int, ...]  # that it is swept with
+    others: tuple[int, ...]  # whose depth maps may confirm its own
     depth: tuple[float, float]  # nearest, farthest, along z
     height: tuple[float, float]  # lowest, highest
 

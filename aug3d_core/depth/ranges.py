@@ -9,7 +9,7 @@ from aug3d_core.geometry.transforms import apply, centres
 from aug3d_core.geometry.views import Points, Tracks, Views
 
 _OUTLIERS_PCT = 0.5
-_MARGIN = 0.25  # of the span, on either side: sparse points miss the lowest and the highest places
+_MARGIN = 0.1  # of the span, on either side; what sparse points miss altogether, the quick look of `search` finds
 _LEAST_SPAN = 0.02  # of the distance: flat ground still has kerbs and hedges
 
 

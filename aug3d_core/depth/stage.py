@@ -32,6 +32,7 @@ from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
+OTHERS_PER_SOURCE = 2  # depth maps compared, for each photograph compared: far cheaper, and they confirm the rims
 WORKERS = 2  # processes of one thread each; the result is the same for any number
 LOW_SHARE = 0.3
 PICTURE_ROWS = 4
@@ -44,7 +45,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     points, tracks = Points.load(sfm / layout.POINTS), Tracks.load(sfm / layout.TRACKS)
     train, given = _roles(inputs["grouping"], len(views))
     engine, reason = choose_engine(config.engine)
-    sources = choose_sources(views, points, tracks, given, train, config.sources)
+    sources = choose_sources(views, points, tracks, given, train, OTHERS_PER_SOURCE * config.sources)
     usable = [view for view, chosen in sources.items() if chosen]
     if not usable:
         raise InputError(
@@ -52,14 +53,20 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         )
     sizes = depth_sizes(views, config.max_px)
     write_workspace(workspace, views, sizes, points, tracks, images, usable)
-    write_patch_match_list(workspace, views, sources)
+    write_patch_match_list(workspace, views, {view: chosen[: config.sources] for view, chosen in sources.items()})
     started = time.monotonic()
     planes: list[float] = []
     if engine == "patch_match":
         patch_match(workspace)
     else:
         tasks = [
-            PhotoTask(view=view, sources=tuple(sources[view]), depth=depth, height=height)
+            PhotoTask(
+                view=view,
+                sources=tuple(sources[view][: config.sources]),
+                others=tuple(sources[view]),
+                depth=depth,
+                height=height,
+            )
             for view in usable
             for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
         ]

@@ -7,6 +7,7 @@ A pixel's score is the mean of the better half of its sources, because the rest 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil
 
 import cv2
@@ -17,6 +18,7 @@ from aug3d_core.depth.cameras import Camera, relative_pose
 from aug3d_core.depth.planes import Family
 
 WINDOW_PX = 7
+_MISSING = np.float32(0.1)  # of the score of a better source, where an image ends
 _FLAT = 4.0  # grey levels squared: variance below which a window has no texture to compare
 
 
@@ -65,11 +67,17 @@ class Reference:
 
 
 def better_half(scores: list[np.ndarray]) -> Float32[np.ndarray, "h w"]:
-    """Return the mean of the better half of the scores at each pixel, rounded up: 1 of 2, 2 of 4."""
+    """Return the mean of the better half of the scores at each pixel, rounded up: 1 of 2, 2 of 4.
+
+    A score of -1 is no score: the source's image ends there. Where the better half has too few, the next worse one is taken
+    for a little less than the one before, so that a place near the rim competes with places that all sources see.
+    """
     best = [np.full_like(scores[0], -1.0) for _ in range(ceil(len(scores) / 2))]
     for score in scores:
         for rank in best:
             score, rank[:] = np.minimum(rank, score), np.maximum(rank, score)
+    for better, rank in pairwise(best):
+        np.copyto(rank, better - _MISSING, where=rank == -1)
     return sum(best[1:], best[0]) / np.float32(len(best))
 
 

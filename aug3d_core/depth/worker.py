@@ -16,18 +16,18 @@ import cv2
 import numpy as np
 
 from aug3d_core.depth.cameras import Camera, camera_of, depth_sizes
-from aug3d_core.depth.consistency import DepthMap, confirmations
+from aug3d_core.depth.consistency import DepthMap, confirm
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.maps import read_map, write_map
 from aug3d_core.depth.normals import normals_of
-from aug3d_core.depth.planes import horizontal_normal, make_family
+from aug3d_core.depth.search import families_for
 from aug3d_core.depth.sweep import Photo, sweep
 from aug3d_core.geometry.views import Views
 from aug3d_core.parent import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 
-LEAST_SCORE = 0.5
-FEWEST_CONFIRM = 2  # other depth maps, or all if there are fewer
+LEAST_SCORE = 0.4
+ENOUGH_AGREE = 2  # other depth maps; one, where only one looks
 _CACHED = 32  # images or maps kept in memory: neighbours are needed again soon
 
 
@@ -62,11 +62,7 @@ class _Share:
 def sweep_photo(share: _Share, task: PhotoTask) -> int:
     """Write the raw depth map of one photograph and return the number of planes tried."""
     reference, sources = share.photo(task.view), [share.photo(view) for view in task.sources]
-    camera, cameras = reference.camera, [source.camera for source in sources]
-    height = float(-camera.cam_from_world[:, 3] @ camera.cam_from_world[:, 2])
-    families = [
-        make_family(camera, cameras, horizontal_normal(camera), height - task.height[1], height - task.height[0]),
-    ]
+    families = families_for(reference, sources, task)
     best = sweep(reference, sources, families)
     write_map(share.raw_path(task.view), np.where(best.score > LEAST_SCORE, best.depth, np.float32(0)))
     return sum(len(family.inverse_distance) for family in families)
@@ -75,8 +71,8 @@ def sweep_photo(share: _Share, task: PhotoTask) -> int:
 def compare_photo(share: _Share, task: PhotoTask) -> float:
     """Write the depth and normal map of what others confirm, and return the share of pixels that is."""
     own = share.raw_depth(task.view)
-    count, depth = confirmations(own, [share.raw_depth(view) for view in task.sources])
-    depth = np.where(count >= min(FEWEST_CONFIRM, len(task.sources)), depth, np.float32(0))
+    found = confirm(own, [share.raw_depth(view) for view in task.others])
+    depth = np.where(found.agreeing >= np.clip(found.looking, 1, ENOUGH_AGREE), found.depth, np.float32(0))
     name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
     write_map(share.job.workspace / "stereo/depth_maps" / name, depth)
     write_map(share.job.workspace / "stereo/normal_maps" / name, normals_of(depth, own.camera))

@@ -1,0 +1,71 @@
+"""Where to search: the planes for one photograph, within a slab that a quick look at a quarter of the size found.
+
+Sparse points miss what has no corners that match, tree crowns above all. The quick look is cheap (a quarter of the planes on a
+sixteenth of the pixels) and so can search far higher and lower than they reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from aug3d_core.depth.cameras import Camera
+from aug3d_core.depth.job import PhotoTask
+from aug3d_core.depth.planes import Family, horizontal_normal, make_family
+from aug3d_core.depth.sweep import Photo, sweep
+
+_QUARTER = 4
+_CERTAIN = 0.7  # score of a pixel that counts in the quick look
+_OUTLIERS_PCT = 1.0
+_ABOVE, _BELOW = 0.4, 0.1  # of the camera's height over the middle of the slab: how far the quick look goes beyond it
+_MARGIN = 2.0  # pixels of the quick look: what one is uncertain by
+_OBLIQUE_DEG = 20.0  # below this, planes that face the camera are as good as horizontal ones
+
+
+def families_for(reference: Photo, sources: list[Photo], task: PhotoTask) -> list[Family]:
+    """Return horizontal planes, and for a photograph that looks aside also planes that face it."""
+    camera, cameras = reference.camera, [source.camera for source in sources]
+    down = horizontal_normal(camera)
+    lowest, highest = _slab(reference, sources, task)
+    height = _height(camera)
+    families = [make_family(camera, cameras, down, height - highest, height - lowest)]
+    if np.degrees(np.arccos(np.clip(down[2], -1, 1))) > _OBLIQUE_DEG:
+        families.append(make_family(camera, cameras, np.array([0.0, 0.0, 1.0]), *task.depth))
+    return families
+
+
+def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[float, float]:
+    """Return lowest and highest height: the sparse points' range, and what a sweep at a quarter of the size adds to it."""
+    lowest, highest = task.height
+    height = _height(reference.camera)
+    above = height - 0.5 * (lowest + highest)
+    ceiling, floor = min(highest + _ABOVE * above, height - 0.3 * above), lowest - _BELOW * above
+    if ceiling <= highest:
+        return lowest, highest
+    small, others = _reduced(reference), [_reduced(source) for source in sources]
+    cameras = [other.camera for other in others]
+    planes = make_family(small.camera, cameras, horizontal_normal(small.camera), height - ceiling, height - floor)
+    margin = _MARGIN * above / float(small.camera.intrinsics[0])
+    found = sweep(small, others, [planes])
+    alike = np.abs(cv2.medianBlur(found.depth, 5) - found.depth) < margin  # chance finds stand alone
+    certain = alike & (found.score > _CERTAIN)
+    if not certain.any():
+        return lowest, highest
+    points = small.camera.rays[certain] * found.depth[certain, None]
+    heights = height - points @ horizontal_normal(small.camera)
+    low, high = np.percentile(heights, [_OUTLIERS_PCT, 100 - _OUTLIERS_PCT])
+    return min(lowest, float(low) - margin), max(highest, float(high) + margin)
+
+
+def _reduced(photo: Photo) -> Photo:
+    camera = photo.camera
+    width, height = max(1, camera.width // _QUARTER), max(1, camera.height // _QUARTER)
+    scale = np.tile([width / camera.width, height / camera.height], 2)
+    grey = cv2.resize(photo.grey, (width, height), interpolation=cv2.INTER_AREA)
+    return Photo(grey, replace(camera, intrinsics=camera.intrinsics * scale, width=width, height=height))
+
+
+def _height(camera: Camera) -> float:
+    return float(-camera.cam_from_world[:, 3] @ camera.cam_from_world[:, 2])
