@@ -4,6 +4,7 @@ recognise    which kind of pose file lies where the user points (light: the flow
 cameras      camera models and their exact scaling; checked poses between conventions (plain numpy)
 given        the poses as the poses stage hands them on: one JSON table, whatever they came from
 colmap       COLMAP model -> poses (pycolmap)
+colmap_check is a binary COLMAP model whole? (plain Python)
 nerfstudio   transforms.json -> poses
 mega_nerf    Mega-NeRF folder -> poses
 torch_files  `.pt` files -> plain values, without running code in them (torch)

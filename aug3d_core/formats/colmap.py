@@ -9,6 +9,7 @@ import pycolmap
 
 from aug3d_core.errors import InputError
 from aug3d_core.formats.cameras import Camera, checked_camera, checked_pose
+from aug3d_core.formats.colmap_check import check_binary
 from aug3d_core.formats.given import Entry
 
 
@@ -31,7 +32,8 @@ def read_colmap(folder: Path) -> list[Entry]:
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
-    """Open a model; raises InputError that names the folder if a file in it is damaged."""
+    """Open a model; raises InputError that names the folder or the file in it that is damaged."""
+    check_binary(folder)
     try:
         return pycolmap.Reconstruction(folder)
     except Exception as error:  # pycolmap raises whatever damaged bytes make it meet

@@ -61,6 +61,6 @@ def _write_nerfstudio(views: Views, points: Points, names: Sequence[str], folder
     Mesh(points.xyz, points.rgb, np.zeros((0, 3), int)).save(folder / _CLOUD)
 
 
-def _camera(size: np.ndarray, intrinsics: np.ndarray) -> dict[str, float]:
+def _camera(size: np.ndarray, intrinsics: np.ndarray) -> dict[str, float | int]:
     fl_x, fl_y, cx, cy = intrinsics.tolist()
     return {"w": int(size[0]), "h": int(size[1]), "fl_x": fl_x, "fl_y": fl_y, "cx": cx, "cy": cy}

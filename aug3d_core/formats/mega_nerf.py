@@ -38,7 +38,7 @@ def _entry(number: int, file: Path, raw_names: dict[str, str], scale: float, ori
         raise InputError(f"{where}: c2w has shape {pose.shape}, not (3, 4)", _REMEDY)
     pose = checked_pose(pose[:3], where)
     pose[:, 3] = pose[:, 3] * scale + origin
-    width, height = (int(_array(content, key, where)) for key in ("W", "H"))
+    width, height = (int(_one(content, key, where)) for key in ("W", "H"))
     pinhole = _array(content, "intrinsics", where).ravel()
     distortion = _array(content, "distortion", where).ravel() if "distortion" in content else np.zeros(4)
     copy = checked_camera(Camera("PINHOLE", width, height, tuple(pinhole.tolist())), where)
@@ -65,7 +65,7 @@ def _coordinates(file: Path) -> tuple[float, np.ndarray]:
     if not file.is_file():
         raise InputError(f"{file} is missing", "Copy the whole Mega-NeRF folder.")
     content = read_pt(file)
-    scale = float(_array(content, "pose_scale_factor", str(file)))
+    scale = _one(content, "pose_scale_factor", str(file))
     origin = _array(content, "origin_drb", str(file)).ravel()
     if not scale > 0 or len(origin) != 3:
         raise InputError(f"{file}: pose_scale_factor {scale:g} and {len(origin)} coordinates of origin_drb", _REMEDY)
@@ -83,6 +83,13 @@ def _mappings(file: Path) -> dict[str, str]:
             raise InputError(f"{file}, line {number}: {line!r} is not `photograph,metadata.pt`", _REMEDY)
         found[metadata] = photo
     return found
+
+
+def _one(content: dict[str, Any], key: str, where: str) -> float:
+    values = _array(content, key, where)
+    if values.size != 1:
+        raise InputError(f"{where}: {key} is not one number", _REMEDY)
+    return values.item()
 
 
 def _array(content: dict[str, Any], key: str, where: str) -> np.ndarray:
