@@ -84,8 +84,13 @@ def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig,
 
 
 def store_sorted(database: Path, target: Path) -> None:
-    """Write the database anew: its bytes then depend on what it holds, not on the order in which threads wrote it."""
+    """Write the database anew: its bytes then depend on what it holds, not on the order in which threads wrote it.
+
+    Two entries of its header are set first, which otherwise tell whether COLMAP has ever deleted something.
+    """
     with closing(sqlite3.connect(database)) as connection:
+        connection.execute("PRAGMA auto_vacuum = NONE")
+        connection.execute("PRAGMA schema_version = 1")
         connection.execute("VACUUM INTO ?", (str(target),))
 
 
