@@ -6,18 +6,19 @@ import json
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from aug3d_core.bench import front, geometry
-from aug3d_core.bench.figure import Figure
-from aug3d_core.bench.machine import describe_machine
-from aug3d_core.bench.trial import Say
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store, write_synced
+
+if TYPE_CHECKING:
+    from aug3d_core.bench.figure import Figure
+    from aug3d_core.bench.front import Point
+    from aug3d_core.bench.trial import Say
 
 bench = typer.Typer(no_args_is_help=True, help="Measure again, on this machine, the figures that are quoted.")
 
@@ -40,6 +41,9 @@ def bench_geometry(
 
     Killed half way? Run it again: what was measured is kept until the benchmark is complete.
     """
+    from aug3d_core.bench import front, geometry  # charts are slow to import, and no other command needs them
+    from aug3d_core.bench.machine import describe_machine
+
     console = Console(stderr=True)
     unfinished = home / layout.BENCH / "geometry"
     store = Store(unfinished)
@@ -79,7 +83,7 @@ def _saying(status: Any) -> Say:
     return say
 
 
-def _told(point: front.Point) -> str:
+def _told(point: Point) -> str:
     result = point.failure if point.accuracy is None else f"{point.accuracy_name} {point.accuracy:.4g}"
     return f"{point.setting} {point.value}: {point.seconds:.1f} s, {point.peak_mib:.0f} MiB, {result}"
 
