@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
 from aug3d_core.dataset.scene import RENDERED, SPLITS, Scene
@@ -24,3 +26,22 @@ def leaks(scene: Scene) -> list[str]:
     if np.any(scene.source[np.unique(test)] == RENDERED):
         found.append("a test group holds a rendered view")
     return found
+
+
+def mesh_leaks(scene: Scene, sources: Mapping[str, Iterable[int]]) -> list[str]:
+    """Return a sentence for each photograph that a mesh was made of and must not be.
+
+    `sources` holds photo ids: `mesh`, which training's views are rendered from, may hold train photos alone; `baseline`,
+    which is compared with the model, any but the targets.
+    """
+    role = {int(photo): SPLITS[split] for photo, split in zip(scene.photo_id, scene.splits, strict=True) if photo >= 0}
+    found = [
+        f"the mesh of train photos was made of {role.get(photo, 'unknown')} photo {photo}"
+        for photo in sources["mesh"]
+        if role.get(photo) != "train"
+    ]
+    return found + [
+        f"the mesh compared with the model was made of {role.get(photo, 'unknown')} photo {photo}"
+        for photo in sources["baseline"]
+        if role.get(photo) in (None, "target")
+    ]

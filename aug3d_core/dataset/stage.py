@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from aug3d_core.dataset.bounds import edge_rays
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.contact import save_contact_sheet
 from aug3d_core.dataset.images import CONVENTION, fit
-from aug3d_core.dataset.leaks import leaks
+from aug3d_core.dataset.leaks import leaks, mesh_leaks
 from aug3d_core.dataset.real import RealViews, pack_real
 from aug3d_core.dataset.rendered import RenderedViews, pack_rendered
 from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check
@@ -58,9 +59,12 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
     rendered = pack_rendered(inputs["sampling"], inputs["rendering"], members.shape[1], slab, config)
     baseline = _baseline(inputs["sfm"], inputs["surface"], np.unique(test_members[:, 0]), config)
     scene = _assemble(inputs, config, slab, real, rendered, baseline, {"real": members, "test": test_members})
-    found = leaks(scene)
+    sources = json.loads((inputs["surface"] / layout.MESH_SOURCES).read_text())
+    found = leaks(scene) + mesh_leaks(scene, sources)
     if found:
-        raise InputError(f"the data set leaks: {found[0]} ({len(found)} in all)", "run the stage grouping again")
+        raise InputError(
+            f"the data set leaks: {found[0]} ({len(found)} in all)", "run the stages from grouping on again"
+        )
     progress(2, 4, "writing")
     write(check(scene, layout.SCENE_ZARR), out / layout.SCENE_ZARR, config.shard_views)
     progress(3, 4, "contact sheet")

@@ -35,6 +35,10 @@ class Mesh:
             file.write(vertices.tobytes())
             file.write(faces.tobytes())
 
+    def colour_at(self, triangle: Int[np.ndarray, " p"], weights: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
+        """Return the colours (0 to 255) at barycentric places, linear between the corners."""
+        return np.einsum("pk,pkc->pc", weights, self.rgb[self.triangles[triangle]].astype(np.float32))
+
     @classmethod
     def load(cls, path: Path) -> Mesh:
         """Read what `save` wrote; raises ValueError on any other layout and on a truncated file."""

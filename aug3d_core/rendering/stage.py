@@ -29,7 +29,7 @@ def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) 
     _check(cameras)
     shards = out / layout.SHARDS
     shards.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(inputs["surface"] / layout.MESH, cameras_file, len(cameras["view_id"]), config, shards)
+    jobs = _jobs(_mesh(inputs["surface"]), cameras_file, len(cameras["view_id"]), config, shards)
     speed = _render_missing(jobs, progress)
     table = pd.concat([_judge(i, job, cameras["dome_id"], config) for i, job in enumerate(jobs)], ignore_index=True)
     table.to_parquet(out / layout.RENDER_TABLE)
@@ -46,10 +46,17 @@ def _check(cameras: dict[str, np.ndarray]) -> None:
         raise InputError("the planned views differ in size", "Plan all views at the data set's one size.")
 
 
-def _jobs(mesh: Path, cameras: Path, views: int, config: RenderingConfig, shards: Path) -> list[RenderJob]:
+def _mesh(surface: Path) -> MeshFile:
+    """Return the mesh of train photos, with its texture if it has one."""
+    if (surface / layout.TEXTURED_MESH).exists():
+        return MeshFile(path=surface / layout.TEXTURED_MESH, texture=surface / layout.MESH_TEXTURE)
+    return MeshFile(path=surface / layout.MESH)
+
+
+def _jobs(mesh: MeshFile, cameras: Path, views: int, config: RenderingConfig, shards: Path) -> list[RenderJob]:
     return [
         RenderJob(
-            meshes=(MeshFile(path=mesh),),
+            meshes=(mesh,),
             cameras=cameras,
             first=first,
             last=min(first + config.views_per_shard, views),

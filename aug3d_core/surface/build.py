@@ -1,87 +1,143 @@
-"""One mesh from the photographs of the allowed roles alone."""
+"""One mesh from the points and the photographs of the allowed roles alone."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Float, Int
 
 from aug3d_core.errors import InputError
+from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
-from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.surface.colour import ground_sampling, paint
+from aug3d_core.geometry.textured import TexturedMesh
+from aug3d_core.geometry.views import Views
+from aug3d_core.surface.atlas import make_atlas
+from aug3d_core.surface.colour import Photographs, Places, ground_sampling, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.surface.continuation import continue_ground, footprint, guessed
-from aug3d_core.surface.evidence import MIN_POINTS, Evidence, gather
-from aug3d_core.surface.footprint import supported
-from aug3d_core.surface.poisson import octree_depth, reconstruct, simplify
-from aug3d_core.surface.shape import Shape, drop_degenerate, drop_small_components, split_to, triangle_areas
+from aug3d_core.surface.decimate import decimate
+from aug3d_core.surface.evidence import gather
+from aug3d_core.surface.poisson import octree_depth, reconstruct
+from aug3d_core.surface.shape import Shape, split_to, triangle_areas, vertex_normals
+from aug3d_core.surface.texture import paint_texture
+from aug3d_core.surface.trim import trim
 
-# Vertices that the shape itself may use; the others carry colour
-SHAPE_SHARE = 0.5
 # A hexagonal net of vertices with this spacing covers sqrt(3)/2 spacing^2 per vertex
 AREA_PER_VERTEX = 0.866
+# Texels of a texture per texel that lies in a triangle: charts are not square
+TEXELS_PER_TEXEL = 1.6
+
+
+@dataclass
+class Clock:
+    """Seconds by step."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Count the time of a block under a name."""
+        start = time.monotonic()
+        yield
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - start
 
 
 @dataclass(frozen=True)
 class Built:
-    """A mesh, and how it came about."""
+    """A mesh, and how it came about. Lengths in world units."""
 
     mesh: Mesh
+    textured: TexturedMesh | None
     points: int  # that the surface was drawn through
+    point_spacing: float
     octree_depth: int
-    point_spacing: float  # world units
-    vertex_spacing: float  # world units
+    triangles_full: int  # before decimation
+    decimation_error: float
     ground_sampling: float  # of the photos on the surface, world units per px
-    guessed_share: float  # of the area: ground that goes on between and beyond the points
+    detail: float  # size of a texel, or distance of vertices
+    gains: Float[np.ndarray, "m 3"]  # that even out the exposures of the photos used
+    charts: int
+
+    @property
+    def best(self) -> Mesh | TexturedMesh:
+        """The mesh in its best colours."""
+        return self.textured or self.mesh
 
 
 def build(
-    points: Points,
-    tracks: Tracks,
+    fused: Fused,
     views: Views,
-    allowed: Bool[np.ndarray, " n"],
+    chosen: Int[np.ndarray, " m"],
     images: Path,
     config: SurfaceConfig,
+    clock: Clock,
     tick: Callable[[], None],
 ) -> Built:
-    """Build and colour the mesh that the allowed views support; raises InputError if there is none."""
-    evidence = gather(points, tracks, views, allowed, config)
-    if evidence is None:
-        raise _nothing(f"fewer than {MIN_POINTS} good points are seen by two of {allowed.sum()} photos")
-    givers = views.take(np.flatnonzero(allowed))
-    whole_ground = continue_ground(evidence, givers, config.ground_reach * footprint(evidence, givers))
-    shape = trim(reconstruct(whole_ground), whole_ground, config, rim=True)
-    if not len(shape.triangles):
-        raise _nothing(f"no surface stands through the {len(evidence.xyz)} points")
-    # A triangle mesh has about two triangles per vertex
-    shape = drop_degenerate(simplify(shape, int(2 * SHAPE_SHARE * config.vertex_budget)))
-    chosen = np.flatnonzero(allowed)
-    sampling = ground_sampling(shape, views, chosen)
-    affordable = float(np.sqrt(triangle_areas(shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
-    spacing = max(sampling, affordable)
-    shape = trim(split_to(shape, spacing, config.vertex_budget), whole_ground, config, rim=False)
-    colours = paint(shape, spacing, views, chosen, images, config.views_per_vertex, tick)
+    """Build and colour the mesh that the points and the chosen views support; raises InputError if there is none."""
+    with clock.step("evidence"):
+        evidence = gather(fused)
+    with clock.step("poisson"):
+        raw = reconstruct(evidence)
+    with clock.step("trimming"):
+        min_piece = config.min_piece_points * evidence.spacing**2
+        fine = trim(raw, evidence, config.max_gap_spacings * evidence.spacing, min_piece)
+    if not len(fine.triangles):
+        raise _nothing(f"no surface stands through the {len(evidence.xyz)} fused points")
+    sampling = ground_sampling(fine, views, chosen)
+    with clock.step("decimation"):
+        coarse = decimate(fine, config.max_error_gsd * sampling)
+    if config.colour == "texture":
+        detail = _texel(coarse.shape, sampling, config)
+        shape = coarse.shape
+    else:
+        affordable = float(np.sqrt(triangle_areas(coarse.shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
+        detail = max(sampling, affordable)
+        shape = split_to(coarse.shape, detail, config.vertex_budget)
+    photographs = Photographs(views, chosen, images, shape, detail)
+    with clock.step("exposure"):
+        photographs.even_out(Places(shape.xyz, vertex_normals(shape)))
+    with clock.step("vertex colours"):
+        shape, rgb = _coloured(photographs, shape, config, tick)
+    textured, charts = None, 0
+    if config.colour == "texture":
+        with clock.step("atlas"):
+            atlas = make_atlas(shape, detail)
+            charts = atlas.charts
+        with clock.step("texture"):
+            textured = paint_texture(photographs, shape, rgb, atlas, config.photos_per_place, tick)
+    return Built(
+        Mesh(shape.xyz.astype(np.float32), rgb, shape.triangles),
+        textured,
+        len(evidence.xyz),
+        evidence.spacing,
+        octree_depth(evidence),
+        len(fine.triangles),
+        coarse.error,
+        sampling,
+        detail,
+        photographs.gains,
+        charts,
+    )
+
+
+def _texel(shape: Shape, sampling: float, config: SurfaceConfig) -> float:
+    affordable = float(np.sqrt(TEXELS_PER_TEXEL * triangle_areas(shape).sum() / config.texel_budget))
+    return max(config.texel_gsd * sampling, affordable)
+
+
+def _coloured(
+    photographs: Photographs, shape: Shape, config: SurfaceConfig, tick: Callable[[], None]
+) -> tuple[Shape, np.ndarray]:
+    """Colour the vertices and drop what no photo sees."""
+    colours = paint_vertices(photographs, shape, config.photos_per_place, tick)
     whole = colours.known[shape.triangles].all(axis=1)
     if not whole.any():
         raise _nothing("no photo sees any of the surface")
-    used = np.unique(shape.triangles[whole])
-    kept = shape.keep(whole)
-    mesh = Mesh(kept.xyz.astype(np.float32), colours.rgb[used], kept.triangles)
-    area = triangle_areas(kept)
-    guess = float((area * guessed(kept.xyz[kept.triangles].mean(axis=1), evidence)).sum() / area.sum())
-    return Built(mesh, len(evidence.xyz), octree_depth(whole_ground), evidence.spacing, spacing, sampling, guess)
-
-
-def trim(shape: Shape, evidence: Evidence, config: SurfaceConfig, rim: bool) -> Shape:
-    """Cut away what no point supports, then loose crumbs; `rim` keeps triangles that are supported in part."""
-    max_gap = config.max_gap_spacings * evidence.spacing
-    corners = supported(shape.xyz, evidence.xyz, evidence.spacing, max_gap)[shape.triangles]
-    keep = corners.any(axis=1) if rim else corners.all(axis=1)
-    return drop_small_components(shape.keep(keep), config.min_component_share)
+    return shape.keep(whole), colours.rgb[np.unique(shape.triangles[whole])]
 
 
 def _nothing(problem: str) -> InputError:

@@ -6,18 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.views import Views
 from aug3d_core.store.layout import image_name
-from aug3d_core.surface.raycast import Raycaster, Render
+from aug3d_core.surface.raycast import Hits, Raycaster, Render
 
 COVERED = 250  # alpha of a reduced pixel from which it counts as covered by the mesh
 BACKGROUND = 245  # grey of pictures where there is no surface
 TOP_VIEW_PX = 1000
+GAP = 6  # px between pictures
 LIGHT = np.array([-0.4, 0.5, 0.77])  # from the north-west, as maps are shaded
+
+AnyMesh = Mesh | TexturedMesh
 
 
 @dataclass(frozen=True)
@@ -36,10 +40,20 @@ class Comparison:
     @property
     def psnr(self) -> float:
         """PSNR (dB) over covered pixels; NaN where none is."""
+        return self._psnr(np.ones(3))
+
+    @property
+    def evened_psnr(self) -> float:
+        """PSNR (dB) over covered pixels once each channel of the render has the photo's mean; NaN where none is."""
+        covered = self.alpha >= COVERED
+        photo, render = self.photo[covered].sum(axis=0), self.render[covered].sum(axis=0)
+        return self._psnr(photo / np.maximum(render, 1))
+
+    def _psnr(self, gain: Float[np.ndarray, " 3"]) -> float:
         covered = self.alpha >= COVERED
         if not covered.any():
             return float("nan")
-        error = (self.photo[covered].astype(float) - self.render[covered]) / 255
+        error = (self.photo[covered].astype(float) - (self.render[covered] * gain).clip(0, 255)) / 255
         return float(-10 * np.log10(max(np.mean(error**2), 1e-10)))
 
 
@@ -58,10 +72,10 @@ def compare(photo: Path, render: Image.Image, longest_px: int) -> Comparison:
     return Comparison(truth, small[..., :3], small[..., 3])
 
 
-def render_views(mesh: Mesh, views: Views, chosen: list[int]) -> list[Image.Image]:
+def render_views(mesh: AnyMesh, views: Views, chosen: list[int]) -> list[Image.Image]:
     """Render the mesh at the poses and sizes of views."""
     caster = Raycaster(mesh.xyz, mesh.triangles)
-    return [rgba(caster.render(mesh.rgb, views.cam_from_world[v], views.intrinsics[v], views.size[v])) for v in chosen]
+    return [rgba(caster.render(mesh, views.cam_from_world[v], views.intrinsics[v], views.size[v])) for v in chosen]
 
 
 def compare_views(
@@ -75,22 +89,27 @@ def compare_views(
 
 
 def side_by_side(
-    images: Path, views: Views, chosen: list[int], renders: list[Image.Image], width_px: int
+    images: Path, mesh: AnyMesh, views: Views, chosen: list[int], renders: list[Image.Image], width_px: int
 ) -> Image.Image:
-    """Draw one row per view: the photo, then the mesh at the same pose."""
-    rows = [compare(images / image_name(views.photo_id[v]), r, width_px) for v, r in zip(chosen, renders, strict=True)]
-    height, width = (max(row.alpha.shape[axis] for row in rows) for axis in (0, 1))
-    gap = 6
-    sheet = Image.new("RGB", (2 * width + gap, len(rows) * (height + gap) - gap), (255, 255, 255))
-    for i, row in enumerate(rows):
+    """Draw one row per view: the photo, the mesh at the same pose, and the mesh's bare shape."""
+    caster = Raycaster(mesh.xyz, mesh.triangles)
+    rows = []
+    for view, render in zip(chosen, renders, strict=True):
+        row = compare(images / image_name(views.photo_id[view]), render, width_px)
         alpha = row.alpha[..., None] / 255
         seen = (row.render * alpha + BACKGROUND * (1 - alpha)).astype(np.uint8)
-        sheet.paste(Image.fromarray(row.photo), (0, i * (height + gap)))
-        sheet.paste(Image.fromarray(seen), (width + gap, i * (height + gap)))
+        hits = caster.view(views.cam_from_world[view], views.intrinsics[view], views.size[view])
+        shape = Image.fromarray(_shade(hits)).resize((seen.shape[1], seen.shape[0]), Image.Resampling.BOX)
+        rows.append([Image.fromarray(row.photo), Image.fromarray(seen), shape])
+    width, height = (max(row[0].size[axis] for row in rows) for axis in (0, 1))
+    sheet = Image.new("RGB", (3 * (width + GAP) - GAP, len(rows) * (height + GAP) - GAP), (255, 255, 255))
+    for i, row in enumerate(rows):
+        for j, picture in enumerate(row):
+            sheet.paste(picture, (j * (width + GAP), i * (height + GAP)))
     return sheet
 
 
-def top_view(mesh: Mesh) -> Image.Image:
+def top_view(mesh: AnyMesh) -> Image.Image:
     """Draw the mesh from above, north up: its colours beside its shape under a low light."""
     low, high = mesh.xyz.min(axis=0).astype(float), mesh.xyz.max(axis=0).astype(float)
     cell = float((high - low)[:2].max()) / TOP_VIEW_PX
@@ -99,12 +118,18 @@ def top_view(mesh: Mesh) -> Image.Image:
     hits = Raycaster(mesh.xyz, mesh.triangles).cast(origins, np.array([0.0, 0.0, -1.0]))
     hit = hits.triangle >= 0
     colour = np.full((*hit.shape, 3), BACKGROUND, np.uint8)
-    shade = colour.copy()
-    colour[hit] = np.einsum("pk,pkc->pc", hits.weights[hit], mesh.rgb[mesh.triangles[hits.triangle[hit]]])
+    colour[hit] = mesh.colour_at(hits.triangle[hit], hits.weights[hit])
+    joined = np.concatenate([colour, _shade(hits)], axis=1 if len(y) >= len(x) else 0)
+    return Image.fromarray(joined)
+
+
+def _shade(hits: Hits) -> UInt8[np.ndarray, "h w 3"]:
+    """Draw the surface as if it were grey under a low light; its back is lit as its front."""
+    hit = hits.triangle >= 0
+    shade = np.full((*hit.shape, 3), BACKGROUND, np.uint8)
     upward = hits.normal[hit] * np.where(hits.normal[hit][:, 2:] < 0, -1, 1)
     shade[hit] = (40 + 200 * (upward @ LIGHT).clip(0, 1))[:, None]
-    joined = np.concatenate([colour, shade], axis=1 if len(y) >= len(x) else 0)
-    return Image.fromarray(joined)
+    return shade
 
 
 def mean_finite(values: list[float]) -> float | None:

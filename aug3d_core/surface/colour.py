@@ -1,13 +1,13 @@
-"""Vertex colours: each vertex takes the blend of the few photographs that see it sharpest.
+"""Colours from the photographs: each place takes the blend of the few that see it sharpest. Vertices and texels alike.
 
-A photo's score at a vertex is the number of its pixels per unit of surface there, f^2 cos(angle) / depth^2: near and
+A photo's score at a place is the number of its pixels per unit of surface there, f^2 cos(angle) / depth^2: near and
 head-on wins, and near its border a photo fades out. Blending only the best few keeps the sharpness that a mean over all
-loses to errors of pose and shape.
+loses to errors of pose and shape. Exposure differences are evened out first (`exposure.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,105 +20,162 @@ from scipy.ndimage import map_coordinates
 from aug3d_core.geometry.transforms import apply, centres
 from aug3d_core.geometry.views import Views
 from aug3d_core.store.layout import image_name
+from aug3d_core.surface.exposure import exposure_gains
 from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.surface.shape import Shape, edges, vertex_normals
 
-MIN_COSINE = 0.1  # flatter than this a photo sees the vertex as a smear
+MIN_COSINE = 0.1  # flatter than this a photo sees the place as a smear
 SHARPNESS = 4  # power of the score in the blend: the best dominates, and seams between photos still fade
 BORDER_FADE = 0.05  # of a photo's shorter side: a photo that ended at full weight would leave an edge on the ground
 FILL_ROUNDS = 6  # edges over which colour may creep into surface that no photo sees; the rest has no evidence
+EXPOSURE_PLACES = 20_000
+BLOCK = 1024  # places
+
+
+class Places:
+    """Spots of a surface to be coloured; neighbours in the list should be neighbours in space, which saves time."""
+
+    def __init__(self, xyz: Float[np.ndarray, "v 3"], normals: Float[np.ndarray, "v 3"]) -> None:
+        """Normals are unit vectors."""
+        self.xyz, self.normals = xyz, normals
+        # Balls around blocks of places, to skip what a view cannot see
+        first = np.arange(0, len(xyz), BLOCK)
+        low, high = np.minimum.reduceat(xyz, first), np.maximum.reduceat(xyz, first)
+        self._centre, self._radius = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+
+    def near_frame(self, views: Views, view: int) -> Int[np.ndarray, " p"]:
+        """Return the places that a view may have in its frame, and some beside it."""
+        in_cam = apply(views.cam_from_world[view], self._centre)
+        fx, fy, cx, cy = views.intrinsics[view]
+        width, height = views.size[view]
+        # Inwards normals of the frame's four sides, and the camera's own plane
+        sides = np.array([(fx, 0, cx), (-fx, 0, width - cx), (0, fy, cy), (0, -fy, height - cy), (0, 0, 1.0)])
+        inside = in_cam @ (sides / np.linalg.norm(sides, axis=1, keepdims=True)).T > -self._radius[:, None]
+        block = np.flatnonzero(inside.all(axis=1))
+        place = (block[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        return place[place < len(self.xyz)]
 
 
 @dataclass(frozen=True)
 class Colours:
-    """The best photos' colours at each vertex."""
+    """The best photos' colours at each place."""
 
     rgb: UInt8[np.ndarray, "v 3"]
-    known: Bool[np.ndarray, " v"]  # seen by a photo, or within a few edges of a vertex that is
+    known: Bool[np.ndarray, " v"]
 
 
-def paint(
-    shape: Shape,
-    spacing: float,
-    views: Views,
-    chosen: Int[np.ndarray, " m"],
-    images: Path,
-    best: int,
-    tick: Callable[[], None],
-) -> Colours:
-    """Colour the vertices of a mesh from the chosen views; `tick` is called after each photo."""
-    normals = vertex_normals(shape)
-    caster = Raycaster(shape.xyz, shape.triangles)
-    scores = np.zeros((len(shape.xyz), best))
-    colours = np.zeros((len(shape.xyz), best, 3))
-    for view in chosen:
-        vertex, xy, score = _sees(shape, normals, caster, spacing, views, view)
-        if len(vertex):
-            with Image.open(images / image_name(views.photo_id[view])) as image:
-                sampled = _sample(image, xy, spacing * np.sqrt(np.median(score)))
-            _insert(scores, colours, vertex, score, sampled)
-        tick()
-    weights = (scores / np.maximum(scores[:, :1], 1e-300)) ** SHARPNESS
-    rgb = np.einsum("vk,vkc->vc", weights, colours) / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
-    rgb, known = _fill(shape, rgb, scores[:, 0] > 0)
-    return Colours(np.rint(rgb).clip(0, 255).astype(np.uint8), known)
+@dataclass(frozen=True)
+class Seen:
+    """What one view shows of some places."""
+
+    place: Int[np.ndarray, " s"]
+    score: Float[np.ndarray, " s"]  # px per area of surface, faded towards the photo's border
+    rgb: Float[np.ndarray, "s 3"]  # 0 to 255
 
 
-def _sees(
-    shape: Shape, normals: np.ndarray, caster: Raycaster, spacing: float, views: Views, view: int
-) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s 2"], Float[np.ndarray, " s"]]:
-    """Return the vertices that a view sees unhidden, where in its image (px), and its score there."""
-    fx, fy, cx, cy = views.intrinsics[view]
-    in_cam = apply(views.cam_from_world[view], shape.xyz)
-    depth = np.where(in_cam[:, 2] > 0, in_cam[:, 2], np.inf)
-    xy = in_cam[:, :2] / depth[:, None] * (fx, fy) + (cx, cy)
-    vertex = np.flatnonzero(np.isfinite(depth) & (xy > 1).all(axis=1) & (xy < views.size[view] - 1).all(axis=1))
-    to_camera = centres(views.cam_from_world[view]) - shape.xyz[vertex]
-    unit = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
-    cosine = np.einsum("vi,vi->v", unit, normals[vertex])
-    facing = cosine > MIN_COSINE
-    vertex, to_camera, cosine = vertex[facing], to_camera[facing], cosine[facing]
-    # Start a spacing off the surface, or the triangles around the vertex would hide it
-    free = ~caster.occluded(shape.xyz[vertex] + spacing * normals[vertex], to_camera, near=0.0, far=1.0)
-    vertex = vertex[free]
-    to_border = np.minimum(xy[vertex], views.size[view] - xy[vertex]).min(axis=1) / views.size[view].min()
-    fade = np.minimum(1.0, to_border / BORDER_FADE)
-    return vertex, xy[vertex], fade * fx * fy * cosine[free] / depth[vertex] ** 2
+class Photographs:
+    """The photographs that may colour a surface, what they see of it, and how their exposures differ."""
+
+    def __init__(self, views: Views, chosen: Int[np.ndarray, " m"], images: Path, shape: Shape, spacing: float) -> None:
+        """`spacing` (world units) is the size of the detail to be coloured, and what counts as touching the surface."""
+        self._views, self._chosen, self._images, self._spacing = views, chosen, images, spacing
+        self._caster = Raycaster(shape.xyz, shape.triangles)
+        self.gains: Float[np.ndarray, "m 3"] = np.ones((len(chosen), 3))
+
+    def even_out(self, places: Places) -> None:
+        """Estimate the photos' gains from what they show of some of these places."""
+        step = -(-len(places.xyz) // EXPOSURE_PLACES)
+        some = Places(places.xyz[::step], places.normals[::step])
+        seen = list(self._look(some))
+        photo = np.repeat(np.arange(len(seen)), [len(s.place) for s in seen])
+        place, rgb = np.concatenate([s.place for s in seen]), np.concatenate([s.rgb for s in seen])
+        self.gains = exposure_gains(place, photo, rgb, len(seen))
+
+    def paint(self, places: Places, best: int, tick: Callable[[], None]) -> Colours:
+        """Blend the `best` photos at each place; `tick` is called after each photo."""
+        scores = np.zeros((len(places.xyz), best), np.float32)
+        colours = np.zeros((len(places.xyz), best, 3), np.float32)
+        for seen, gain in zip(self._look(places), self.gains, strict=True):
+            _insert(scores, colours, seen.place, seen.score, seen.rgb * gain)
+            tick()
+        weights = (scores / np.maximum(scores[:, :1], 1e-30)) ** SHARPNESS
+        rgb = np.einsum("vk,vkc->vc", weights, colours) / np.maximum(weights.sum(axis=1, keepdims=True), 1e-30)
+        return Colours(np.rint(rgb).clip(0, 255).astype(np.uint8), scores[:, 0] > 0)
+
+    def _look(self, places: Places) -> Iterator[Seen]:
+        for view in self._chosen:
+            place, xy, score = self._sees(places, view)
+            rgb = np.zeros((0, 3))
+            if len(place):
+                with Image.open(self._images / image_name(self._views.photo_id[view])) as image:
+                    rgb = _sample(image, xy, self._spacing * np.sqrt(np.median(score)))
+            yield Seen(place, score, rgb)
+
+    def _sees(
+        self, places: Places, view: int
+    ) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s 2"], Float[np.ndarray, " s"]]:
+        """Return the places that a view sees unhidden, where in its image (px), and its score there."""
+        pose, size = self._views.cam_from_world[view], self._views.size[view]
+        fx, fy, cx, cy = self._views.intrinsics[view]
+        place = places.near_frame(self._views, view)
+        in_cam = apply(pose, places.xyz[place])
+        depth = np.where(in_cam[:, 2] > 0, in_cam[:, 2], np.inf)
+        xy = in_cam[:, :2] / depth[:, None] * (fx, fy) + (cx, cy)
+        framed = np.isfinite(depth) & (xy > 1).all(axis=1) & (xy < size - 1).all(axis=1)
+        place, xy, depth = place[framed], xy[framed], depth[framed]
+        to_camera = centres(pose) - places.xyz[place]
+        unit = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
+        cosine = np.einsum("vi,vi->v", unit, places.normals[place])
+        facing = np.flatnonzero(cosine > MIN_COSINE)
+        # Start a spacing off the surface, or the triangles around the place would hide it
+        start = places.xyz[place[facing]] + self._spacing * places.normals[place[facing]]
+        seen = facing[~self._caster.occluded(start, to_camera[facing], near=0.0, far=1.0)]
+        place, xy = place[seen], xy[seen]
+        to_border = np.minimum(xy, size - xy).min(axis=1) / size.min()
+        fade = np.minimum(1.0, to_border / BORDER_FADE)
+        return place, xy, fade * fx * fy * cosine[seen] / depth[seen] ** 2
 
 
-def _sample(image: Image.Image, xy: Float[np.ndarray, "s 2"], pixels: float) -> Float[np.ndarray, "s 3"]:
-    """Sample an image bilinearly, averaged over `pixels` first so that no detail between vertices aliases."""
-    factor = max(1, round(pixels))
-    grid = np.asarray(image.convert("RGB").reduce(factor), np.float32)
-    rows_columns = (xy[:, ::-1] / factor - 0.5).T
-    return np.stack([map_coordinates(grid[..., c], rows_columns, order=1, mode="nearest") for c in range(3)], axis=1)
-
-
-def _insert(scores: np.ndarray, colours: np.ndarray, vertex: np.ndarray, score: np.ndarray, rgb: np.ndarray) -> None:
-    """Put a view's scores and colours into the sorted lists of the best, in place."""
-    for slot in range(scores.shape[1]):
-        better = score > scores[vertex, slot]
-        at = vertex[better]
-        scores[at, slot], score[better] = score[better], scores[at, slot].copy()
-        colours[at, slot], rgb[better] = rgb[better], colours[at, slot].copy()
-
-
-def _fill(shape: Shape, rgb: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spread colours along edges for a few rounds."""
-    pairs = edges(shape)
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    graph = sparse.csr_matrix((np.ones(len(both)), both.T), shape=(len(rgb), len(rgb)))
-    for _ in range(FILL_ROUNDS):
-        if known.all():
-            break
-        neighbours = graph @ known.astype(float)
-        fresh = ~known & (neighbours > 0)
-        rgb[fresh] = (graph[fresh] @ (rgb * known[:, None])) / neighbours[fresh, None]
-        known = known | fresh
-    return rgb, known
+def paint_vertices(photographs: Photographs, shape: Shape, best: int, tick: Callable[[], None]) -> Colours:
+    """Colour the vertices of a mesh; a vertex within a few edges of one that a photo sees counts as known."""
+    colours = photographs.paint(Places(shape.xyz, vertex_normals(shape)), best, tick)
+    return _fill(shape, colours)
 
 
 def ground_sampling(shape: Shape, views: Views, chosen: Iterable[int]) -> float:
     """Return the median size of a photo pixel on the surface, world units."""
     depths = [np.median(apply(views.cam_from_world[v], shape.xyz)[:, 2]) / views.intrinsics[v, 0] for v in chosen]
     return float(np.median(depths))
+
+
+def _sample(image: Image.Image, xy: Float[np.ndarray, "s 2"], pixels: float) -> Float[np.ndarray, "s 3"]:
+    """Sample an image bilinearly, averaged over `pixels` first so that no detail between places aliases."""
+    factor = max(1, round(pixels))
+    grid = np.asarray(image.convert("RGB").reduce(factor), np.float32)
+    rows_columns = (xy[:, ::-1] / factor - 0.5).T
+    return np.stack([map_coordinates(grid[..., c], rows_columns, order=1, mode="nearest") for c in range(3)], axis=1)
+
+
+def _insert(scores: np.ndarray, colours: np.ndarray, place: np.ndarray, score: np.ndarray, rgb: np.ndarray) -> None:
+    """Put a view's scores and colours into the sorted lists of the best, in place."""
+    score, rgb = score.astype(scores.dtype), rgb.astype(colours.dtype)
+    for slot in range(scores.shape[1]):
+        better = score > scores[place, slot]
+        at = place[better]
+        scores[at, slot], score[better] = score[better], scores[at, slot].copy()
+        colours[at, slot], rgb[better] = rgb[better], colours[at, slot].copy()
+
+
+def _fill(shape: Shape, colours: Colours) -> Colours:
+    """Spread colours along edges for a few rounds."""
+    rgb, known, pairs = colours.rgb.astype(float), colours.known, edges(shape)
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    graph = sparse.csr_matrix((np.ones(len(both)), both.T), shape=(len(rgb), len(rgb)))
+    for _ in range(FILL_ROUNDS):
+        neighbours = graph @ known.astype(float)
+        fresh = ~known & (neighbours > 0)
+        if not fresh.any():
+            break
+        rgb[fresh] = (graph[fresh] @ (rgb * known[:, None])) / neighbours[fresh, None]
+        known = known | fresh
+    return Colours(np.rint(rgb).clip(0, 255).astype(np.uint8), known)

@@ -2,50 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from aug3d_core.stage import StageConfig
 
 
 class SurfaceConfig(StageConfig):
-    """How the points become a mesh."""
+    """How the fused points become a coloured mesh. GSD: the size of a photo's pixel on the surface."""
 
+    colour: Literal["vertex", "texture"] = Field(
+        default="texture",
+        description="Where colours live: a texture is sharp on few triangles; vertices are cheap, and coarser.",
+    )
+    max_error_gsd: float = Field(
+        default=0.5,
+        gt=0,
+        le=20,
+        description="Distance (GSD) that dropping triangles may move 95 % of the surface at most.",
+    )
+    texel_gsd: float = Field(default=1.0, gt=0, le=20, description="Size of a texel (GSD).")
+    texel_budget: int = Field(
+        default=4096**2, ge=64**2, le=16384**2, description="Texels at most; they grow where it would take more."
+    )
     vertex_budget: int = Field(
         default=200_000,
         ge=1_000,
         le=20_000_000,
-        description="Vertices at most; fewer where the photos resolve no more.",
-    )
-    max_error_px: float = Field(
-        default=2.0, gt=0, le=20, description="Reprojection error (px) above which a point is not used."
-    )
-    min_angle_deg: float = Field(
-        default=2.0,
-        ge=0,
-        le=45,
-        description="Angle (degrees) between a point's outermost rays below which its depth is a guess.",
-    )
-    neighbours: int = Field(default=12, ge=4, le=100, description="Points that a normal and an outlier test look at.")
-    outlier_sigma: float = Field(
-        default=2.5,
-        gt=0,
-        le=10,
-        description="Standard deviations of neighbour distance beyond which a point is an outlier.",
+        description="Vertices that carry colour at most; fewer where the photos resolve no more.",
     )
     max_gap_spacings: float = Field(
-        default=12.0, ge=1, le=200, description="Widest hole to close, as a multiple of the points' spacing."
-    )
-    ground_reach: float = Field(
-        default=1.0,
+        default=8.0,
         ge=0,
-        le=10,
-        description="How far the ground goes on beyond the points, where a photo looks, in sides of its footprint.",
+        le=200,
+        description="Widest hole to close, as a multiple of the points' spacing; wider ones stay.",
     )
-    min_component_share: float = Field(
-        default=0.01, ge=0, le=1, description="Share of all triangles below which a loose piece is dropped."
+    min_piece_points: int = Field(
+        default=400, ge=0, le=10**9, description="Points' worth of surface (count) that a loose piece must have."
     )
-    views_per_vertex: int = Field(
-        default=3, ge=1, le=10, description="Photos blended into a vertex colour, best first."
+    photos_per_place: int = Field(
+        default=3, ge=1, le=10, description="Photos blended into the colour of a vertex or texel, best first."
     )
     check_views: int = Field(default=6, ge=1, le=100, description="Photos compared with the mesh for render_psnr.")
     check_px: int = Field(

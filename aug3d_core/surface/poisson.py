@@ -12,10 +12,10 @@ from aug3d_core.surface.shape import Shape
 
 MIN_DEPTH, MAX_DEPTH = 5, 11
 SCALE = 1.1  # the octree's cube over the points' cube
-# How much the surface follows the points (open3d: 2). Triangulated points are few but good to a fraction of a pixel,
-# and a surface that keeps its distance rounds houses off: 16 gave 0.5 dB more on held-out photos of
-# a town, 0.0 on lawn.
-POINT_WEIGHT = 16.0
+# Four points a cell: finer cells model the points' noise
+CELL_SPACINGS = 2.0
+# How much the surface follows the points; open3d's choice
+POINT_WEIGHT = 2.0
 
 
 def reconstruct(evidence: Evidence) -> Shape:
@@ -31,9 +31,9 @@ def reconstruct(evidence: Evidence) -> Shape:
 
 
 def octree_depth(evidence: Evidence) -> int:
-    """Choose the octree depth whose finest cell is just under the points' spacing: finer would only model noise."""
+    """Choose the octree depth whose finest cell is nearest to CELL_SPACINGS of the points' spacings."""
     extent = float(np.ptp(evidence.xyz, axis=0).max()) * SCALE
-    return int(np.clip(math.ceil(math.log2(extent / evidence.spacing)), MIN_DEPTH, MAX_DEPTH))
+    return int(np.clip(round(math.log2(extent / (CELL_SPACINGS * evidence.spacing))), MIN_DEPTH, MAX_DEPTH))
 
 
 def simplify(shape: Shape, triangles: int) -> Shape:

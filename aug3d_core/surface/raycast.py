@@ -7,12 +7,21 @@ ray. Everything is shifted to the mesh's own centre first, because Embree works 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import open3d as o3d
 from jaxtyping import Bool, Float, Int, UInt8
 
 from aug3d_core.geometry.transforms import invert
+
+
+class Coloured(Protocol):
+    """A mesh that knows its colours: per vertex, or by a texture."""
+
+    def colour_at(self, triangle: Int[np.ndarray, " p"], weights: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
+        """Return the colours (0 to 255) at barycentric places."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -39,7 +48,6 @@ class Raycaster:
 
     def __init__(self, xyz: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> None:
         self._origin = xyz.mean(axis=0, dtype=np.float64)
-        self._triangles = triangles
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
             _tensor((xyz - self._origin).astype(np.float32)),
@@ -78,17 +86,16 @@ class Raycaster:
 
     def render(
         self,
-        rgb: UInt8[np.ndarray, "v 3"],
+        colours: Coloured,
         cam_from_world: Float[np.ndarray, "3 4"],
         intrinsics: Float[np.ndarray, " 4"],
         size: Int[np.ndarray, " 2"],
     ) -> Render:
-        """Render the mesh with one colour per vertex."""
+        """Render the mesh in the colours of a mesh with the same triangles, one ray per pixel."""
         hits = self.view(cam_from_world, intrinsics, size)
         hit = hits.triangle >= 0
         image = np.zeros((*hit.shape, 3), np.uint8)
-        corners = rgb[self._triangles[hits.triangle[hit]]].astype(np.float32)
-        image[hit] = np.rint(np.einsum("pk,pkc->pc", hits.weights[hit], corners)).clip(0, 255).astype(np.uint8)
+        image[hit] = np.rint(colours.colour_at(hits.triangle[hit], hits.weights[hit])).clip(0, 255).astype(np.uint8)
         return Render(image, np.where(hit, 255, 0).astype(np.uint8), np.where(hit, hits.distance, 0.0))
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray) -> o3d.core.Tensor:

@@ -29,6 +29,13 @@ def triangle_areas(shape: Shape) -> Float[np.ndarray, " t"]:
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
+def triangle_normals(shape: Shape) -> Float[np.ndarray, "t 3"]:
+    """Return the unit normal of each triangle, 0 where it has no area."""
+    a, b, c = shape.xyz[shape.triangles.T]
+    face = np.cross(b - a, c - a)
+    return face / np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
+
+
 def vertex_normals(shape: Shape) -> Float[np.ndarray, "v 3"]:
     """Return unit normals, each the area-weighted mean of the triangles around a vertex."""
     a, b, c = shape.xyz[shape.triangles.T]
@@ -43,17 +50,30 @@ def edges(shape: Shape) -> Int[np.ndarray, "e 2"]:
     return np.stack(np.divmod(key, len(shape.xyz)), axis=1)
 
 
-def drop_small_components(shape: Shape, min_share: float) -> Shape:
-    """Drop connected pieces with less than `min_share` of all triangles; the largest stays in any case."""
-    if not len(shape.triangles):
-        return shape
+def triangle_neighbours(shape: Shape) -> Int[np.ndarray, "e 2"]:
+    """Return the pairs of triangles that share an edge."""
+    key = _edge_keys(shape)
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
+    return np.stack([order[same], order[same + 1]], axis=1) % len(shape.triangles)
+
+
+def triangle_pieces(shape: Shape) -> Int[np.ndarray, " t"]:
+    """Return for each triangle the number of the connected piece that it belongs to; pieces share no vertex."""
     pairs = edges(shape)
     count = len(shape.xyz)
     graph = sparse.coo_matrix((np.ones(len(pairs), bool), pairs.T), shape=(count, count))
-    piece = csgraph.connected_components(graph, directed=False)[1][shape.triangles[:, 0]]
-    sizes = np.bincount(piece)
-    enough = sizes >= min_share * len(shape.triangles)
-    enough[sizes.argmax()] = True
+    return csgraph.connected_components(graph, directed=False)[1][shape.triangles[:, 0]]
+
+
+def drop_small_pieces(shape: Shape, min_area: float) -> Shape:
+    """Drop connected pieces with less than this area (squared world units); the largest stays in any case."""
+    if not len(shape.triangles):
+        return shape
+    piece = triangle_pieces(shape)
+    area = np.bincount(piece, triangle_areas(shape))
+    enough = area >= min_area
+    enough[area.argmax()] = True
     return shape.keep(enough[piece])
 
 

@@ -2,56 +2,85 @@
 
 `mesh.ply` comes from train photos only, so that no pixel of a test photo can reach a rendered view. `baseline_mesh.ply`
 may use every photo but the targets, because at test time the support photos are given; its renders at the targets'
-poses are one of the cheap answers that the model is measured against.
+poses are one of the cheap answers that the model is measured against. Either is written again with a texture if colours
+live in one. `mesh_sources.json` names the photos that each was made of, for the leak audit.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 from PIL import Image
 
-from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.views import Views
+from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 from aug3d_core.surface import checks
-from aug3d_core.surface.build import Built, build
+from aug3d_core.surface.build import Built, Clock, build
 from aug3d_core.surface.config import SurfaceConfig
 
-FEW_POINTS = 1000
+FEW_POINTS = 10_000
 LOW_COVERAGE = 0.5
+UNEVEN = 1.5  # brightest photo's exposure over the darkest one's, from which people should know
 PICTURE_ROWS = 3
+PICTURE_PX = 480
+FULL_PX = 100_000  # larger than any photo
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What is the same for every mesh."""
+
+    views: Views
+    role: np.ndarray
+    images: Path
+    config: SurfaceConfig
+
+    def having(self, *roles: str) -> Int[np.ndarray, " m"]:
+        """Return the views of these roles."""
+        return np.flatnonzero(np.isin(self.role, roles))
 
 
 def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) -> Outcome:
     """Build both meshes, render the second at the targets, and compare it with the photos."""
-    sfm = inputs["sfm"]
-    views, images = Views.load(sfm / layout.VIEWS), sfm / layout.VIEW_IMAGES
-    role = _roles(inputs["grouping"], len(views))
-    train, given = role == "train", role != "target"
-    total, done = int(train.sum() + given.sum()) + 2, 0
+    views = Views.load(inputs["sfm"] / layout.VIEWS)
+    scene = _Scene(views, _roles(inputs["grouping"], len(views)), inputs["sfm"] / layout.VIEW_IMAGES, config)
+    train, given, targets = scene.having("train"), scene.having("train", "gap", "support"), scene.having("target")
+    clock, tick = Clock(), _counter(2 * (len(train) + len(given)) + 1, progress)
+    train_mesh = _build(scene, inputs["depth"] / layout.FUSED, train, clock, tick)
+    _save(train_mesh, out, layout.MESH, layout.TEXTURED_MESH, layout.MESH_TEXTURE)
+    baseline = _build(scene, inputs["depth"] / layout.BASELINE_FUSED, given, clock, tick)
+    _save(baseline, out, layout.BASELINE_MESH, layout.BASELINE_TEXTURED_MESH, layout.BASELINE_MESH_TEXTURE)
+    sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
+    (out / layout.MESH_SOURCES).write_text(json.dumps(sources))
+    known = _spread(given, config.check_views)
+    with clock.step("checks"):
+        renders = checks.render_views(baseline.best, views, [*targets, *known])
+        _save_renders(out / layout.BASELINE_RENDERS, renders[: len(targets)], views, targets)
+        figures = _figures(train_mesh, baseline, config) | _compare(scene, targets, known, renders)
+        pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
+    figures |= {f"{name.replace(' ', '_')}_seconds": round(spent, 1) for name, spent in clock.seconds.items()}
+    notes = _notes(figures)
+    return Outcome(metrics=figures, state="degraded" if notes else "ok", notes=notes, pictures=pictures)
+
+
+def _counter(total: int, progress: Progress) -> Callable[[], None]:
+    done = 0
 
     def tick() -> None:
         nonlocal done
         done += 1
-        progress(done, total, "colouring the mesh")
+        progress(min(done, total), total, "colouring the mesh")
 
-    points, tracks = Points.load(sfm / layout.POINTS), Tracks.load(sfm / layout.TRACKS)
-    train_mesh = build(points, tracks, views, train, images, config, tick)
-    train_mesh.mesh.save(out / layout.MESH)
-    baseline = build(points, tracks, views, given, images, config, tick)
-    baseline.mesh.save(out / layout.BASELINE_MESH)
-    progress(total - 2, total, "rendering the mesh at the test poses")
-    targets = np.flatnonzero(role == "target").tolist()
-    renders = _save_renders(out / layout.BASELINE_RENDERS, baseline, views, targets)
-    progress(total - 1, total, "comparing the mesh with the photos")
-    figures = _figures(train_mesh, baseline) | _compare(images, views, role, baseline, targets, renders, config)
-    pictures = _draw(out, images, views, targets, renders, train_mesh, baseline)
-    progress(total, total, "done")
-    notes = _notes(figures)
-    return Outcome(metrics=figures, state="degraded" if notes else "ok", notes=notes, pictures=pictures)
+    progress(0, total, "drawing the surface")
+    return tick
 
 
 def _roles(grouping: Path, count: int) -> np.ndarray:
@@ -62,78 +91,116 @@ def _roles(grouping: Path, count: int) -> np.ndarray:
     return role
 
 
-def _save_renders(folder: Path, baseline: Built, views: Views, targets: list[int]) -> list[Image.Image]:
+def _build(scene: _Scene, fused: Path, chosen: np.ndarray, clock: Clock, tick: Callable[[], None]) -> Built:
+    return build(Fused.load(fused), scene.views, chosen, scene.images, scene.config, clock, tick)
+
+
+def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:
+    built.mesh.save(out / mesh)
+    if built.textured is not None:
+        built.textured.save(out / textured, out / texture)
+
+
+def _save_renders(folder: Path, renders: list[Image.Image], views: Views, targets: np.ndarray) -> None:
     folder.mkdir(exist_ok=True)
-    renders = checks.render_views(baseline.mesh, views, targets)
     for view, render in zip(targets, renders, strict=True):
         render.save(folder / layout.image_name(views.photo_id[view]))
-    return renders
 
 
-def _figures(train: Built, baseline: Built) -> dict:
-    """Return the sizes of the meshes; spacings in photo pixels, so that they mean the same in every unit."""
-    return {
-        "points": train.points,
-        "vertices": len(train.mesh.xyz),
-        "triangles": len(train.mesh.triangles),
-        "octree_depth": train.octree_depth,
-        "point_spacing_px": round(train.point_spacing / train.ground_sampling, 3),
-        "vertex_spacing_px": round(train.vertex_spacing / train.ground_sampling, 3),
-        "guessed_share": round(train.guessed_share, 4),
-        "baseline_points": baseline.points,
-        "baseline_vertices": len(baseline.mesh.xyz),
-        "baseline_triangles": len(baseline.mesh.triangles),
-    }
+def _spread(chosen: np.ndarray, count: int) -> np.ndarray:
+    """Return at most `count` of these, evenly spread."""
+    return chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), count)).round().astype(int)]
 
 
-def _compare(
-    images: Path,
-    views: Views,
-    role: np.ndarray,
-    baseline: Built,
-    targets: list[int],
-    renders: list[Image.Image],
-    config: SurfaceConfig,
-) -> dict:
-    """Return PSNR and coverage at photos that coloured the mesh, and at the targets, which did not."""
-    given = np.flatnonzero(role != "target")
-    known = given[np.linspace(0, len(given) - 1, min(len(given), config.check_views)).round().astype(int)].tolist()
-    at_known = checks.compare_views(
-        images, views, known, checks.render_views(baseline.mesh, views, known), config.check_px
+def _figures(train: Built, baseline: Built, config: SurfaceConfig) -> dict[str, Metric]:
+    """Return the sizes of the meshes and why; lengths in GSD, so that they mean the same in every unit."""
+    figures: dict[str, Metric] = {}
+    for prefix, built in (("", train), ("baseline_", baseline)):
+        gsd = built.ground_sampling
+        figures |= {
+            f"{prefix}points": built.points,
+            f"{prefix}point_spacing_gsd": round(built.point_spacing / gsd, 3),
+            f"{prefix}octree_depth": built.octree_depth,
+            f"{prefix}vertices": len(built.mesh.xyz),
+            f"{prefix}triangles": len(built.mesh.triangles),
+            f"{prefix}triangles_full": built.triangles_full,
+            f"{prefix}decimation_error_gsd": round(built.decimation_error / gsd, 3),
+            f"{prefix}colour_detail_gsd": round(built.detail / gsd, 3),
+            f"{prefix}texels": 0 if built.textured is None else built.textured.texture[..., 0].size,
+            f"{prefix}charts": built.charts,
+            f"{prefix}exposure_spread": round(float(np.max(built.gains.max(axis=0) / built.gains.min(axis=0))), 3),
+        }
+    return figures | {"needs": _needs(baseline, config)}
+
+
+def _needs(built: Built, config: SurfaceConfig) -> str:
+    """Say why the mesh has this many triangles and texels."""
+    gsd = built.ground_sampling
+    detail = "a texel" if config.colour == "texture" else "between vertices that carry colour"
+    asked = config.texel_gsd if config.colour == "texture" else 1.0
+    why = "as asked" if built.detail <= 1.001 * asked * gsd else "all that the budget allows"
+    return (
+        f"octree of depth {built.octree_depth}: about two points' spacings a cell, finer would model their noise; "
+        f"{len(built.mesh.triangles)} of {built.triangles_full} triangles: half as many would move 5 % of the surface by "
+        f"more than {config.max_error_gsd:g} GSD; {built.detail / gsd:.2f} GSD {detail}: {why}"
     )
-    at_targets = checks.compare_views(images, views, targets, renders, config.check_px)
-    return {
-        "render_psnr": checks.mean_finite([c.psnr for c in at_known]),
-        "covered_share": checks.mean_finite([c.covered_share for c in at_known]),
-        "target_render_psnr": checks.mean_finite([c.psnr for c in at_targets]),
-        "target_covered_share": checks.mean_finite([c.covered_share for c in at_targets]),
-    }
+
+
+def _compare(scene: _Scene, targets: np.ndarray, known: np.ndarray, renders: list[Image.Image]) -> dict[str, Metric]:
+    """Return PSNR and coverage at photos that coloured the mesh, and at the targets, which did not."""
+    figures: dict[str, Metric] = {}
+    for prefix, chosen, shown in (("", known, renders[len(targets) :]), ("target_", targets, renders[: len(targets)])):
+        for suffix, px in (("", scene.config.check_px), ("_full", FULL_PX)):
+            compared = checks.compare_views(scene.images, scene.views, list(chosen), shown, px)
+            figures |= {
+                f"{prefix}render_psnr{suffix}": checks.mean_finite([c.psnr for c in compared]),
+                f"{prefix}render_psnr_evened{suffix}": checks.mean_finite([c.evened_psnr for c in compared]),
+                f"{prefix}covered_share{suffix}": checks.mean_finite([c.covered_share for c in compared]),
+            }
+    return figures
 
 
 def _draw(
     out: Path,
-    images: Path,
-    views: Views,
-    targets: list[int],
+    scene: _Scene,
+    targets: np.ndarray,
+    known: np.ndarray,
     renders: list[Image.Image],
     train: Built,
     baseline: Built,
 ) -> dict[str, str]:
     """Write the pictures and return them by caption."""
     pictures = {"The mesh made of train photos, from above: colours and shape": "top_view.png"}
-    checks.top_view(train.mesh).save(out / "top_view.png")
-    if targets:
-        rows = np.linspace(0, len(targets) - 1, min(len(targets), PICTURE_ROWS)).round().astype(int)
-        sheet = checks.side_by_side(images, views, [targets[r] for r in rows], [renders[r] for r in rows], 480)
-        sheet.save(out / "photo_and_mesh.png")
-        pictures["Held-out photos (left) beside the mesh made without them (right)"] = "photo_and_mesh.png"
+    checks.top_view(train.best).save(out / "top_view.png")
+    sheets = (
+        ("Held-out photos, the mesh made without them, its shape", "photo_and_mesh.png", targets, renders),
+        (
+            "Photos that coloured the mesh, the mesh, its shape",
+            "used_photo_and_mesh.png",
+            known,
+            renders[len(targets) :],
+        ),
+    )
+    for caption, name, chosen, shown in sheets:
+        if len(chosen):
+            rows = _spread(np.arange(len(chosen)), PICTURE_ROWS)
+            sheet = checks.side_by_side(
+                scene.images, baseline.best, scene.views, list(chosen[rows]), [shown[r] for r in rows], PICTURE_PX
+            )
+            sheet.save(out / name)
+            pictures[caption] = name
     return pictures
 
 
-def _notes(figures: dict) -> tuple[str, ...]:
+def _notes(figures: dict[str, Metric]) -> tuple[str, ...]:
     notes = []
-    if figures["points"] < FEW_POINTS:
-        notes.append(f"only {figures['points']} good points carry the surface: its shape is coarse")
-    if (figures["covered_share"] or 0.0) < LOW_COVERAGE:
-        notes.append(f"the mesh covers only {100 * (figures['covered_share'] or 0.0):.0f} % of the photos")
+    points, covered, spread = (float(figures[n] or 0) for n in ("points", "covered_share", "baseline_exposure_spread"))
+    if points < FEW_POINTS:
+        notes.append(f"only {points:.0f} fused points carry the surface: its shape is coarse")
+    if covered < LOW_COVERAGE:
+        notes.append(f"the mesh covers only {100 * covered:.0f} % of the photos")
+    if spread > UNEVEN:
+        notes.append(
+            f"exposures differ by a factor of {spread:.1f}: evened out in the mesh's colours, not in the photos"
+        )
     return tuple(notes)

@@ -1,5 +1,6 @@
 """The stage `dataset` on a toy scene written as the outputs of the stages before it."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,9 @@ def write_grouping(scene, folder: Path) -> None:
 
 def write_surface(scene, folder: Path) -> None:
     (folder / layout.MESH).write_text("no stage after rendering looks into it")
+    role = np.array([SPLITS[code] for code in scene.splits[:REAL]])
+    train, given = np.flatnonzero(role == "train").tolist(), np.flatnonzero(role != "target").tolist()
+    (folder / layout.MESH_SOURCES).write_text(json.dumps({"mesh": train, "baseline": given}))
     (folder / layout.BASELINE_RENDERS).mkdir()
     for view, rgb, alpha in zip(scene.baseline_view, scene.baseline_images, scene.baseline_alpha, strict=True):
         image = Image.fromarray(np.dstack([rgb, alpha]))
@@ -151,4 +155,11 @@ def test_a_split_of_other_views_is_refused(inputs, tmp_path):
     table = pd.read_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
     table.iloc[:-1].to_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
     with pytest.raises(InputError, match=r"split\.parquet has 35 rows for 36 views"):
+        run(inputs, CONFIG, tmp_path / "out", silent)
+
+
+def test_a_mesh_made_of_a_test_photo_is_refused(scene, inputs, tmp_path):
+    target = int(scene.baseline_view[0])
+    (inputs["surface"] / layout.MESH_SOURCES).write_text(json.dumps({"mesh": [target], "baseline": []}))
+    with pytest.raises(InputError, match=f"the data set leaks.*target photo {target}"):
         run(inputs, CONFIG, tmp_path / "out", silent)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import apply, homogeneous, invert, look_at, project
+from aug3d_core.rendering.colour import linear_from_srgb
 from aug3d_core.rendering.job import MeshFile, RenderJob
 from aug3d_core.rendering.launch import WorkerDied, render
 
@@ -40,9 +42,16 @@ def cameras(count: int, target, distance: float, rng: np.random.Generator):
     return np.stack(poses), np.array(lenses)
 
 
-def shoot(folder: Path, mesh: Mesh, cam_from_world, intrinsics, samples: int = 256) -> dict[str, np.ndarray]:
+def shoot(
+    folder: Path, mesh: Mesh | TexturedMesh, cam_from_world, intrinsics, samples: int = 256
+) -> dict[str, np.ndarray]:
     count = len(cam_from_world)
-    mesh.save(folder / "mesh.ply")
+    if isinstance(mesh, TexturedMesh):
+        file = MeshFile(path=folder / "mesh.npz", texture=folder / "mesh.png")
+        mesh.save(folder / "mesh.npz", folder / "mesh.png")
+    else:
+        file = MeshFile(path=folder / "mesh.ply")
+        mesh.save(file.path)
     np.savez(
         folder / "cameras.npz",
         view_id=np.arange(count),
@@ -51,7 +60,7 @@ def shoot(folder: Path, mesh: Mesh, cam_from_world, intrinsics, samples: int = 2
         size=np.tile([WIDTH, HEIGHT], (count, 1)),
     )
     job = RenderJob(
-        meshes=(MeshFile(path=folder / "mesh.ply"),),
+        meshes=(file,),
         cameras=folder / "cameras.npz",
         first=0,
         last=count,
@@ -111,6 +120,23 @@ def test_depth_is_along_z_at_pixel_centres_and_colour_in_is_colour_out(tmp_path)
         assert (rgb[sure] == COLOURS[1]).all()
         assert sure.any()
     assert shard["alpha"].dtype == np.uint8 and shard["depth"].dtype == np.float16
+
+
+def test_a_texture_is_shown_right_side_up_in_its_own_colours(tmp_path):
+    """Each block of a picture laid on the ground comes out as one pixel of a camera straight above it."""
+    blocks = np.random.default_rng(5).integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    picture = np.kron(blocks, np.ones((32, 32, 1), np.uint8))  # between texels Cycles blends
+    half = np.array([WIDTH, HEIGHT]) / 2
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    uv = ((corners + 1) / 2)[triangles]
+    mesh = TexturedMesh(np.column_stack([corners * half, np.zeros(4)]), triangles, uv, picture)
+    pose = look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3))[None]
+    shard = shoot(tmp_path, mesh, pose, np.array([[10.0, 10.0, *half]]), samples=256)
+    assert (shard["alpha"] == 255).all()
+    off = np.abs(linear_from_srgb(shard["rgb"][0]) - linear_from_srgb(blocks))
+    assert off.max() < 0.05
+    assert np.median(off) < 0.01
 
 
 def test_edges_keep_their_colour_and_nothing_has_no_depth(tmp_path):

@@ -6,7 +6,7 @@ from PIL import Image
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.store.layout import image_name
-from aug3d_core.surface.colour import paint
+from aug3d_core.surface.colour import Colours, Photographs, paint_vertices
 from aug3d_core.surface.shape import Shape, split_to
 
 RED, BLUE = (250, 10, 10), (10, 10, 250)
@@ -27,8 +27,9 @@ def photos(folder: Path, heights: tuple[float, ...], colours: tuple[tuple[int, i
     return Views(np.arange(n), poses, np.tile([20.0, 20.0, 40.5, 30.5], (n, 1)), np.tile([81, 61], (n, 1)))
 
 
-def painted(shape: Shape, views: Views, folder: Path, best: int = 1):
-    return paint(shape, 0.5, views, np.arange(len(views)), folder, best, lambda: None)
+def painted(shape: Shape, views: Views, folder: Path, best: int = 1) -> Colours:
+    photographs = Photographs(views, np.arange(len(views)), folder, shape, 0.5)
+    return paint_vertices(photographs, shape, best, lambda: None)
 
 
 def test_the_photo_that_sees_sharpest_wins_in_any_order(tmp_path):

@@ -92,3 +92,17 @@ def test_views_of_several_sizes_are_an_error(rendered, tmp_path):
     np.savez(folder / layout.CAMERAS, view_id=np.arange(2), dome_id=np.zeros(2, int), size=np.array([[11, 7], [7, 11]]))
     with pytest.raises(InputError, match="differ in size"):
         stage.run(inputs, RenderingConfig(), tmp_path, lambda *_: None)
+
+
+def test_the_texture_is_used_when_there_is_one(rendered, tmp_path, monkeypatch):
+    jobs = []
+    worker = stage.render
+    monkeypatch.setattr(stage, "render", lambda job, on_view: (jobs.append(job), worker(job, on_view)))
+    run(tmp_path, views=4, min_covered_share=0.0)
+    folder = tmp_path / "in"
+    assert (jobs[-1].meshes[0].path, jobs[-1].meshes[0].texture) == (folder / layout.MESH, None)
+    (folder / layout.TEXTURED_MESH).touch()
+    (tmp_path / "out" / layout.SHARDS / "0000.npz").unlink()
+    run(tmp_path, views=4, min_covered_share=0.0)
+    mesh = jobs[-1].meshes[0]
+    assert (mesh.path, mesh.texture) == (folder / layout.TEXTURED_MESH, folder / layout.MESH_TEXTURE)

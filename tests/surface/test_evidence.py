@@ -1,66 +1,49 @@
 import numpy as np
+import pytest
 
-from aug3d_core.geometry.transforms import look_at
-from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.surface.evidence import gather
-
-CONFIG = SurfaceConfig()
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.fused import Fused
+from aug3d_core.surface.evidence import MIN_POINTS, gather
 
 
-def survey(count: int = 400, cameras: int = 5) -> tuple[Points, Tracks, Views]:
-    """A gently sloping ground seen by all of a row of cameras."""
-    rng = np.random.default_rng(0)
-    xy = rng.uniform(-10, 10, (count, 2))
-    xyz = np.column_stack([xy, 0.1 * xy[:, 0]])
-    poses = np.stack([look_at(np.array([x, 0.5, 30.0]), np.array([x, 0.0, 0.0])) for x in np.linspace(-8, 8, cameras)])
-    size = np.tile([64, 48], (cameras, 1))
-    views = Views(np.arange(cameras), poses, np.tile([50.0, 50.0, 32.0, 24.0], (cameras, 1)), size)
-    points = Points(xyz, np.full((count, 3), 128, np.uint8), np.full(count, 0.5))
-    point, view = (grid.ravel() for grid in np.meshgrid(np.arange(count), np.arange(cameras)))
-    return points, Tracks(point, view, np.zeros((len(point), 2))), views
+def net(side: int = 40, step: float = 0.5) -> Fused:
+    """Points on a level net."""
+    x, y = np.meshgrid(*2 * [np.arange(side) * step])
+    xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    return fused(xyz)
 
 
-def test_normals_are_the_slopes_and_look_at_the_cameras():
-    points, tracks, views = survey()
-    evidence = gather(points, tracks, views, np.ones(5, bool), CONFIG)
-    truth = np.array([-0.1, 0, 1]) / np.hypot(0.1, 1)
-    np.testing.assert_allclose(evidence.normals, np.tile(truth, (len(evidence.xyz), 1)), atol=1e-6)
+def fused(xyz: np.ndarray, normals: np.ndarray | None = None) -> Fused:
+    up = np.tile([0.0, 0.0, 2.0], (len(xyz), 1)) if normals is None else normals
+    n = len(xyz)
+    return Fused(xyz.astype(np.float32), up.astype(np.float32), np.zeros((n, 3), np.uint8), np.full(n, 3, np.uint8))
 
 
-def test_points_seen_by_one_allowed_view_are_not_used():
-    points, tracks, views = survey()
-    allowed = np.array([True, False, False, True, False])
-    hidden = (tracks.point < 200) & (tracks.view == 3)
-    fewer = Tracks(tracks.point[~hidden], tracks.view[~hidden], tracks.xy[~hidden])
-    evidence = gather(points, fewer, views, allowed, CONFIG)
-    assert {tuple(p) for p in evidence.xyz} <= {tuple(p) for p in points.xyz[200:]}
-    assert gather(points, tracks, views, np.arange(5) == 0, CONFIG) is None
+def test_spacing_is_the_nets_and_normals_have_length_one():
+    evidence = gather(net())
+    assert np.isclose(evidence.spacing, 0.5)
+    np.testing.assert_allclose(np.linalg.norm(evidence.normals, axis=1), 1)
 
 
-def test_bad_points_are_left_out():
-    points, tracks, views = survey()
-    xyz, error = points.xyz.copy(), points.error_px.copy()
-    xyz[0] += (0, 0, 15)  # alone in the air
-    error[1] = CONFIG.max_error_px * 1.01
-    evidence = gather(Points(xyz, points.rgb, error), tracks, views, np.ones(5, bool), CONFIG)
-    kept = {tuple(p) for p in evidence.xyz}
-    assert tuple(xyz[0]) not in kept
-    assert tuple(xyz[1]) not in kept
-    assert len(kept) > 350
+def test_a_point_alone_in_the_air_is_left_out():
+    points = net()
+    xyz = points.xyz.copy()
+    xyz[0] += (0, 0, 40)
+    kept = gather(fused(xyz)).xyz
+    assert kept[:, 2].max() == 0
+    assert len(kept) > 0.95 * len(xyz)
 
 
-def test_points_without_parallax_are_left_out():
-    points, tracks, views = survey()
-    close = Views(views.photo_id, np.repeat(views.cam_from_world[:1], 5, axis=0), views.intrinsics, views.size)
-    assert gather(points, tracks, close, np.ones(5, bool), CONFIG) is None
+def test_points_without_a_place_or_a_normal_are_left_out():
+    points = net()
+    xyz, normals = points.xyz.copy(), points.normals.copy()
+    xyz[3], normals[7] = np.nan, 0
+    assert len(gather(fused(xyz, normals)).xyz) <= len(xyz) - 2
 
 
-def test_order_of_observations_does_not_matter():
-    points, tracks, views = survey()
-    order = np.random.default_rng(1).permutation(len(tracks.point))
-    shuffled = Tracks(tracks.point[order], tracks.view[order], tracks.xy[order])
-    a = gather(points, tracks, views, np.ones(5, bool), CONFIG)
-    b = gather(points, shuffled, views, np.ones(5, bool), CONFIG)
-    np.testing.assert_array_equal(a.xyz, b.xyz)
-    np.testing.assert_array_equal(a.normals, b.normals)
+@pytest.mark.parametrize("count", [0, 5, MIN_POINTS - 1])
+def test_too_few_points_are_refused_with_their_number(count):
+    points = net()
+    few = Fused(points.xyz[:count], points.normals[:count], points.rgb[:count], points.views[:count])
+    with pytest.raises(InputError, match=f"of {count} fused points"):
+        gather(few)

@@ -5,10 +5,11 @@ from hypothesis import strategies as st
 from aug3d_core.surface.shape import (
     Shape,
     drop_degenerate,
-    drop_small_components,
+    drop_small_pieces,
     edges,
     split_to,
     triangle_areas,
+    triangle_neighbours,
     vertex_normals,
 )
 
@@ -63,11 +64,20 @@ def test_crumbs_are_dropped_and_the_largest_piece_stays():
     both = Shape(
         np.concatenate([big.xyz, small.xyz + 100]), np.concatenate([big.triangles, small.triangles + len(big.xyz)])
     )
-    kept = drop_small_components(both, 0.1)
+    area = triangle_areas(small).sum()
+    kept = drop_small_pieces(both, 1.01 * area)
     np.testing.assert_array_equal(kept.xyz, big.xyz)
     np.testing.assert_array_equal(kept.triangles, big.triangles)
-    assert len(drop_small_components(both, 1.0).triangles) == len(big.triangles)
-    assert len(drop_small_components(both, 0.0).triangles) == len(both.triangles)
+    assert len(drop_small_pieces(both, 1e9).triangles) == len(big.triangles)
+    assert len(drop_small_pieces(both, 0.99 * area).triangles) == len(both.triangles)
+
+
+def test_neighbours_share_an_edge_and_every_inner_edge_makes_a_pair():
+    shape = patch()
+    pairs = triangle_neighbours(shape)
+    shared = [len(set(shape.triangles[a]) & set(shape.triangles[b])) for a, b in pairs]
+    assert set(shared) == {2}
+    assert len(pairs) == len(edges(shape)) - border(shape)
 
 
 def test_keep_uses_only_what_it_needs():

@@ -1,0 +1,128 @@
+"""The atlas and its filling: nothing lies on top of anything, and a picture comes out as it went in."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from aug3d_core.geometry.textured import TexturedMesh
+from aug3d_core.geometry.transforms import look_at
+from aug3d_core.geometry.views import Views
+from aug3d_core.store.layout import image_name
+from aug3d_core.surface.atlas import GUTTER, make_atlas, pack
+from aug3d_core.surface.colour import Photographs, Places, paint_vertices
+from aug3d_core.surface.raycast import Raycaster
+from aug3d_core.surface.shape import Shape, triangle_areas, triangle_normals
+from aug3d_core.surface.texture import paint_texture
+
+QUARTERS = np.array([[[250, 20, 20], [20, 250, 20]], [[20, 20, 250], [250, 250, 20]]], np.uint8)  # red top left
+
+
+def box(half: float = 5.0) -> Shape:
+    """A closed box, wound outwards."""
+    xyz = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], float) * half
+    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    return Shape(xyz, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32))
+
+
+def spiral(turns: float = 2.5, steps: int = 60) -> Shape:
+    """A ramp that winds up over itself: seen from above it covers itself."""
+    angle = np.linspace(0, turns * 2 * np.pi, steps)
+    rims = [np.column_stack([r * np.cos(angle), r * np.sin(angle), angle / 2]) for r in (3.0, 6.0)]
+    i = np.arange(steps - 1)
+    n = steps
+    triangles = np.concatenate([np.stack([i, i + n, i + n + 1], 1), np.stack([i, i + n + 1, i + 1], 1)])
+    return Shape(np.concatenate(rims), triangles.astype(np.int32))
+
+
+@pytest.mark.parametrize("shape", [box(), spiral()], ids=["box", "spiral"])
+def test_every_triangle_has_texels_of_its_own(shape):
+    texel = 0.1
+    atlas = make_atlas(shape, texel)
+    triangle, weights = atlas.raster()
+    texels = np.bincount(triangle[triangle >= 0], minlength=len(shape.triangles)) * texel**2
+    np.testing.assert_allclose(texels, triangle_areas(shape), rtol=0.3, atol=0.1)  # a slope is seen a little flatter
+    assert not atlas.covered().any()
+    # The raster's barycentric weights lead back to the texel's centre
+    row, column = np.nonzero(triangle >= 0)
+    back = np.einsum("pk,pkx->px", weights[row, column], atlas.xy[triangle[row, column]])
+    np.testing.assert_allclose(back, np.column_stack([column, row]) + 0.5, atol=1e-3)
+    assert atlas.xy.min() >= GUTTER - 1e-6
+    assert (atlas.xy <= np.array([atlas.width, atlas.height]) - GUTTER + 1e-6).all()
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.integers(1, 40), st.integers(1, 40)), min_size=1, max_size=60))
+def test_packed_boxes_do_not_overlap(sizes):
+    size = np.array(sizes)
+    place, width, height = pack(size)
+    taken = np.zeros((height, width), int)
+    for (x, y), (w, h) in zip(place, size, strict=True):
+        taken[y : y + h, x : x + w] += 1
+    assert taken.max() == 1
+    assert taken.sum() == size.prod(axis=1).sum()
+
+
+def ground_photo(folder: Path) -> Views:
+    """One photo from above of a plate with a colour in each quarter: red in the north-west, green in the north-east."""
+    plate = np.kron(QUARTERS, np.ones((80, 120, 1), np.uint8))
+    Image.fromarray(plate).save(folder / image_name(0))
+    pose = look_at(np.array([0.0, 0.0, 20.0]), np.zeros(3))[None]
+    return Views(np.zeros(1, int), pose, np.array([[200.0, 200.0, 120.0, 80.0]]), np.array([[240, 160]]))
+
+
+def textured_plate(folder: Path) -> tuple[TexturedMesh, Views]:
+    views = ground_photo(folder)
+    xyz = np.array([[-11, -7, 0], [11, -7, 0], [11, 7, 0], [-11, 7, 0.0]])
+    shape = Shape(xyz, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    photographs = Photographs(views, np.arange(1), folder, shape, 0.1)
+    colours = paint_vertices(photographs, shape, 1, lambda: None)
+    return paint_texture(photographs, shape, colours.rgb, make_atlas(shape, 0.1), 1, lambda: None), views
+
+
+def test_a_photo_projected_and_rendered_is_the_photo_again(tmp_path):
+    mesh, views = textured_plate(tmp_path)
+    render = Raycaster(mesh.xyz, mesh.triangles).render(
+        mesh, views.cam_from_world[0], views.intrinsics[0], views.size[0]
+    )
+    truth = np.asarray(Image.open(tmp_path / image_name(0)))
+    inner = np.s_[15:145, 15:225]
+    off = np.abs(render.rgb[inner].astype(int) - truth[inner])
+    assert (render.alpha[inner] == 255).all()
+    assert (off.max(axis=-1) > 2).mean() < 0.03  # but for the two lines where quarters meet
+    assert (render.rgb[20, 20] == QUARTERS[0, 0]).all()
+
+
+def test_texels_that_no_photo_sees_take_their_corners_colours(tmp_path):
+    views = ground_photo(tmp_path)
+    shape = box(2.0)
+    photographs = Photographs(views, np.arange(1), tmp_path, shape, 0.1)
+    rgb = np.full((8, 3), 77, np.uint8)
+    mesh = paint_texture(photographs, shape, rgb, make_atlas(shape, 0.1), 1, lambda: None)
+    normals = triangle_normals(shape)
+    third = np.full((len(normals), 3), 1 / 3)
+    colour = mesh.colour_at(np.arange(len(normals)), third)
+    assert (colour[normals[:, 2] < -0.5] == 77).all()
+    assert (np.abs(colour[normals[:, 2] > 0.5] - 77) > 20).any(axis=1).all()
+
+
+def test_a_dark_photo_is_evened_out(tmp_path):
+    rng = np.random.default_rng(0)
+    scene = np.kron(rng.integers(60, 200, (8, 12, 3)), np.ones((20, 20, 1))).astype(np.uint8)
+    factor = (1.0, 0.5)
+    for i, f in enumerate(factor):
+        Image.fromarray(np.rint(scene * f).astype(np.uint8)).save(tmp_path / image_name(i))
+    pose = look_at(np.array([0.0, 0.0, 20.0]), np.zeros(3))
+    views = Views(
+        np.arange(2), np.stack([pose, pose]), np.tile([200.0, 200.0, 120.0, 80.0], (2, 1)), np.tile([240, 160], (2, 1))
+    )
+    x, y = np.meshgrid(np.linspace(-10, 10, 80), np.linspace(-6, 6, 50))
+    places = Places(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), np.tile([0.0, 0.0, 1.0], (x.size, 1)))
+    ground = Shape(np.array([[-50, -50, 0], [50, -50, 0], [0, 90, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    photographs = Photographs(views, np.arange(2), tmp_path, ground, 0.1)
+    photographs.even_out(places)
+    np.testing.assert_allclose(photographs.gains[1] / photographs.gains[0], 2.0, rtol=0.02)
+    np.testing.assert_allclose(photographs.gains.prod(axis=0), 1.0, rtol=1e-6)

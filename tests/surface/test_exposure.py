@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from aug3d_core.surface.exposure import exposure_gains
+
+PHOTOS, PLACES = 9, 1500
+
+
+def flight(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A row of photos, each over a third of the places: (place, photo, colour) of every sight."""
+    x, colour = rng.uniform(0, PHOTOS, PLACES), rng.uniform(40, 180, (PLACES, 3))
+    place, photo = np.nonzero(np.abs(x[:, None] - np.arange(PHOTOS) - 0.5) < 1.5)
+    return place, photo, colour[place] * rng.normal(1, 0.03, (len(place), 3))
+
+
+def even(gains: np.ndarray) -> np.ndarray:
+    return gains / np.exp(np.log(gains).mean(axis=0))
+
+
+def test_known_exposures_are_recovered_to_two_percent():
+    rng = np.random.default_rng(0)
+    place, photo, rgb = flight(rng)
+    factor = rng.uniform(0.5, 1.3, (PHOTOS, 3))
+    found = exposure_gains(place, photo, rgb * factor[photo], PHOTOS)
+    np.testing.assert_allclose(found, even(1 / factor), rtol=0.02)
+
+
+def test_a_bright_and_a_dark_half_meet_though_a_tenth_of_the_sights_is_wrong():
+    rng = np.random.default_rng(1)
+    place, photo, rgb = flight(rng)
+    factor = np.where(np.arange(PHOTOS) < 4, 0.6, 1.2)[:, None] * np.ones(3)
+    wrong = rng.random(len(rgb)) < 0.1
+    rgb[wrong] = rng.uniform(20, 240, (wrong.sum(), 3))
+    found = exposure_gains(place, photo, rgb * factor[photo], PHOTOS)
+    np.testing.assert_allclose(found, even(1 / factor), rtol=0.02)
+
+
+def test_equal_exposures_give_ones_and_the_mean_is_one():
+    place, photo, rgb = flight(np.random.default_rng(2))
+    found = exposure_gains(place, photo, rgb, PHOTOS)
+    np.testing.assert_allclose(found, 1, atol=0.01)
+    np.testing.assert_allclose(np.exp(np.log(found).mean(axis=0)), 1)
+
+
+def test_clipped_colours_say_nothing():
+    place, photo, rgb = flight(np.random.default_rng(3))
+    clipped = np.random.default_rng(4).random(len(rgb)) < 0.2
+    found = exposure_gains(place, photo, np.where(clipped[:, None], 255.0, rgb), PHOTOS)
+    np.testing.assert_allclose(found, 1, atol=0.02)
+
+
+@pytest.mark.parametrize("level", [0.0, 255.0])
+def test_a_photo_without_a_usable_sight_keeps_its_exposure(level):
+    place, photo, rgb = flight(np.random.default_rng(5))
+    rgb[photo == 3] = level
+    assert (exposure_gains(place, photo, rgb, PHOTOS + 1)[[3, PHOTOS]] == 1).all()
+    assert (exposure_gains(place[:0], photo[:0], rgb[:0], 2) == 1).all()
