@@ -1,0 +1,234 @@
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pycolmap
+import pytest
+from engines.little_scene import FOCAL_PX, SIZE, LittleScene, poses
+from PIL import Image
+
+from aug3d_core.depth import stage as depth_stage
+from aug3d_core.depth.cameras import Camera, camera_of
+from aug3d_core.depth.config import DepthConfig
+from aug3d_core.depth.job import DepthJob
+from aug3d_core.depth.launch import WorkerDied, run_jobs
+from aug3d_core.depth.maps import read_map
+from aug3d_core.depth.stage import run
+from aug3d_core.errors import InputError
+from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.transforms import apply, project
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.stage import Inputs, Outcome
+from aug3d_core.store import layout
+
+ROLES = ["train"] * 8 + ["gap", "support", "support", "target"]
+MAP_PX = 240
+SCENE = LittleScene()
+
+
+def true_depth(camera: Camera) -> np.ndarray:
+    """Depth of the nearest of the scene's flat pieces; NaN beside them all."""
+    directions = camera.rays @ camera.cam_from_world[:, :3]
+    centre = -camera.cam_from_world[:, 3] @ camera.cam_from_world[:, :3]
+    nearest = np.full(directions.shape[:2], np.inf)
+    for z, low, high in SCENE.planes:
+        depth = (z - centre[2]) / directions[..., 2]
+        xy = centre[:2] + depth[..., None] * directions[..., :2]
+        hit = ((xy >= low) & (xy < high)).all(axis=-1) & (depth < nearest)
+        nearest[hit] = depth[hit]
+    return np.where(np.isfinite(nearest), nearest, np.nan)
+
+
+def true_views() -> Views:
+    count = len(ROLES)
+    intrinsics = np.array([FOCAL_PX, FOCAL_PX, SIZE[0] / 2, SIZE[1] / 2])
+    return Views(np.arange(count), poses(), np.tile(intrinsics, (count, 1)), np.tile(SIZE, (count, 1)))
+
+
+def sparse(views: Views) -> tuple[Points, Tracks]:
+    """Points that views really see: where a coarse grid of rays meets the scene, by depth test."""
+    rng = np.random.default_rng(0)
+    z, low, high = (np.array([piece[i] for piece in SCENE.planes]) for i in range(3))
+    piece = np.repeat(np.arange(len(z)), 60)
+    xyz = np.column_stack([low[piece] + rng.random((len(piece), 2)) * (high - low)[piece], z[piece]])
+    point, view, xy = [], [], []
+    for index in range(len(views)):
+        camera = camera_of(views, index, views.size[index])
+        there = apply(camera.cam_from_world, xyz)
+        pixel = project(there, camera.intrinsics)
+        inside = np.flatnonzero(((pixel >= 0) & (pixel < SIZE)).all(axis=1))
+        x, y = pixel[inside].astype(int).T
+        seen = inside[np.abs(true_depth(camera)[y, x] / there[inside, 2] - 1) < 0.01]
+        point.append(seen), view.append(np.full(len(seen), index)), xy.append(pixel[seen])
+    order = np.lexsort((np.concatenate(view), np.concatenate(point)))
+    tracks = Tracks(*(np.concatenate(part)[order] for part in (point, view, xy)))
+    return Points(xyz, np.full((len(xyz), 3), 128, np.uint8), np.zeros(len(xyz))), tracks
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
+    sfm, grouping = tmp_path_factory.mktemp("sfm"), tmp_path_factory.mktemp("grouping")
+    (sfm / layout.VIEW_IMAGES).mkdir()
+    views = true_views()
+    for index, pose in enumerate(views.cam_from_world):
+        SCENE.photograph(pose).save(sfm / layout.VIEW_IMAGES / layout.image_name(index))
+    points, tracks = sparse(views)
+    views.save(sfm / layout.VIEWS), points.save(sfm / layout.POINTS), tracks.save(sfm / layout.TRACKS)
+    pd.DataFrame({"view": range(12), "photo_id": range(12), "role": ROLES}).to_parquet(grouping / layout.SPLIT_TABLE)
+    return {"sfm": sfm, "grouping": grouping}
+
+
+def find_depth(inputs: Inputs, out: Path, **config: object) -> Outcome:
+    return run(inputs, DepthConfig.model_validate({"max_px": MAP_PX, **config}), out, lambda *_: None)
+
+
+@pytest.fixture(scope="module")
+def found(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
+    out = tmp_path_factory.mktemp("depth")
+    return out, find_depth(inputs, out)
+
+
+@pytest.fixture
+def changed(inputs: Inputs, tmp_path: Path) -> Callable[[str], Inputs]:
+    """Return the inputs with the photographs of one role blacked out."""
+
+    def black_out(role: str) -> Inputs:
+        sfm = tmp_path / "sfm"
+        shutil.copytree(inputs["sfm"], sfm)
+        for index in np.flatnonzero(np.array(ROLES) == role).tolist():
+            Image.new("RGB", SIZE).save(sfm / layout.VIEW_IMAGES / layout.image_name(index))
+        return {"sfm": sfm, "grouping": inputs["grouping"]}
+
+    return black_out
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_depth_is_exact_to_a_fraction_of_a_plane(found: tuple[Path, Outcome]) -> None:
+    out, _ = found
+    views = true_views()
+    for index in (1, 5):
+        depth = read_map(out / layout.DEPTH_MAPS / layout.geometric_map_name(index))
+        camera = camera_of(views, index, np.array(depth.shape[::-1]))
+        error = np.abs(depth / true_depth(camera) - 1)[depth > 0]
+        assert (depth > 0).mean() > 0.75
+        assert np.median(error) < 0.001, "5 cm at 50 m, where a pixel is 25 cm wide"
+        assert (error < 0.01).mean() > 0.95
+
+
+def test_normals_point_up_and_towards_the_camera(found: tuple[Path, Outcome]) -> None:
+    out, _ = found
+    normal = read_map(out / layout.NORMAL_MAPS / layout.geometric_map_name(5))
+    known = normal.any(axis=-1)
+    np.testing.assert_allclose(np.linalg.norm(normal[known], axis=-1), 1, atol=1e-5)
+    camera = camera_of(true_views(), 5, np.array(known.shape[::-1]))
+    assert ((normal * camera.rays).sum(axis=-1)[known] < 0).all()
+    up = normal[known] @ true_views().cam_from_world[5][:, 2]
+    assert np.median(up) > 0.98
+
+
+def test_fused_points_lie_on_the_scene_and_face_up(found: tuple[Path, Outcome]) -> None:
+    out, outcome = found
+    fused, baseline = Fused.load(out / layout.FUSED), Fused.load(out / layout.BASELINE_FUSED)
+    assert outcome.metrics["points"] == len(fused.xyz) < len(baseline.xyz) == outcome.metrics["baseline_points"]
+    off = np.abs(fused.xyz[:, 2, None] - np.array([z for z, _, _ in SCENE.planes])).min(axis=1)
+    assert np.median(off) < 0.1
+    assert np.median(fused.normals[:, 2]) > 0.98
+    assert fused.views.min() >= 2
+    assert outcome.state == "ok"
+
+
+def test_colmap_reads_the_workspace(found: tuple[Path, Outcome]) -> None:
+    out, _ = found
+    model = pycolmap.Reconstruction(out / layout.DENSE_WORKSPACE / "sparse")
+    assert model.num_images() == 11
+    assert model.compute_mean_reprojection_error() < 1e-6, "pixels, cameras and poses fit the points"
+    for image in model.images.values():
+        path = out / layout.DEPTH_MAPS / f"{image.name}.geometric.bin"
+        camera = model.camera(image.camera_id)
+        assert read_map(path).shape == (camera.height, camera.width)
+
+
+def test_targets_are_never_used(found: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path) -> None:
+    find_depth(changed("target"), tmp_path / "out")
+    assert files(tmp_path / "out") == files(found[0])
+
+
+def test_train_points_come_from_train_photos_alone(
+    found: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path
+) -> None:
+    find_depth(changed("support"), tmp_path / "out")
+    before, after = files(found[0]), files(tmp_path / "out")
+    assert after[layout.FUSED] == before[layout.FUSED]
+    assert after[layout.BASELINE_FUSED] != before[layout.BASELINE_FUSED]
+    for index in range(8):
+        name = f"{layout.DEPTH_MAPS}/{layout.geometric_map_name(index)}"
+        assert after[name] == before[name]
+
+
+def test_the_number_of_workers_changes_nothing(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(depth_stage, "WORKERS", 1)
+    find_depth(inputs, tmp_path)
+    assert files(tmp_path) == files(found[0])
+
+
+def test_patch_match_without_cuda_is_refused(inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pycolmap, "has_cuda", False)
+    with pytest.raises(InputError, match=r"depth\.engine=patch_match needs a pycolmap built with CUDA"):
+        find_depth(inputs, tmp_path, engine="patch_match")
+
+
+def test_the_engine_is_chosen_by_what_pycolmap_can_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    from aug3d_core.depth.patch_match import choose_engine
+
+    monkeypatch.setattr(pycolmap, "has_cuda", True)
+    assert choose_engine("auto")[0] == choose_engine("patch_match")[0] == "patch_match"
+    assert choose_engine("sweep")[0] == "sweep"
+    monkeypatch.setattr(pycolmap, "has_cuda", False)
+    assert choose_engine("auto") == ("sweep", "this pycolmap was built without CUDA")
+
+
+def shared_by(inputs: Inputs, sfm: Path, kept: Callable[[Tracks], np.ndarray]) -> Inputs:
+    """Return the inputs with only some of the observations."""
+    shutil.copytree(inputs["sfm"], sfm)
+    tracks = Tracks.load(sfm / layout.TRACKS)
+    chosen = kept(tracks)
+    Tracks(tracks.point[chosen], tracks.view[chosen], tracks.xy[chosen]).save(sfm / layout.TRACKS)
+    return {"sfm": sfm, "grouping": inputs["grouping"]}
+
+
+def test_a_photo_that_overlaps_with_none_has_no_depth_and_is_told(inputs: Inputs, tmp_path: Path) -> None:
+    lonely = shared_by(inputs, tmp_path / "sfm", lambda tracks: tracks.view != 3)
+    outcome = find_depth(lonely, tmp_path / "out", max_px=96)
+    assert outcome.state == "degraded"
+    assert "1 photos share too few points with any other and have no depth: 3" in outcome.notes
+    assert not (tmp_path / "out" / layout.DEPTH_MAPS / layout.geometric_map_name(3)).exists()
+    assert outcome.metrics["photos"] == 10
+
+
+def test_photos_without_any_overlap_are_refused(inputs: Inputs, tmp_path: Path) -> None:
+    nothing = shared_by(inputs, tmp_path / "sfm", lambda tracks: tracks.view == 0)
+    with pytest.raises(InputError, match="no photograph shares enough points with another"):
+        find_depth(nothing, tmp_path / "out")
+
+
+def test_a_worker_that_dies_says_its_last_words(inputs: Inputs, tmp_path: Path) -> None:
+    job = DepthJob(
+        step="sweep",
+        views=tmp_path / "missing.npz",
+        images=tmp_path,
+        raw=tmp_path,
+        workspace=tmp_path,
+        max_px=96,
+        tasks=(),
+    )
+    with pytest.raises(WorkerDied, match=r"missing\.npz"):
+        run_jobs([job], lambda: None)
