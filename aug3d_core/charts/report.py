@@ -147,7 +147,7 @@ def _unplaced(records: Made) -> str:
     if photos.empty:
         return ""
     rows = [
-        (escape(row["name"]), escape(row["reason"]), str(row["features"]), str(row["matched_pairs"]))
+        (escape(row["name"]), escape(row["reason"]), *(str(row.get(n, "-")) for n in ("features", "matched_pairs")))
         for row in photos.to_dict("records")
     ]
     intro = tag("p", "Photos that have no place in the model, and the likely reason.", class_="dim")

@@ -56,6 +56,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     progress(len(given), len(given), "poses checked; writing photographs undistorted")
     alignment = align_model(model, photos, np.random.default_rng(config.seed))
     arrays = write_outputs(model, [], alignment, photos, images, out)
+    _unplaced(photos, given, refused).to_parquet(out / layout.UNPLACED)
     metrics = model_metrics(model, arrays, alignment, photos) | {
         "components": 1,
         "photos_fit_median": float(np.nanmedian(fit)),
@@ -155,6 +156,14 @@ def _contradiction(
         "Give the poses of exactly these photographs (the same names may stand for another flight), with their cameras; "
         "or leave out --poses to have them computed.",
     )
+
+
+def _unplaced(photos: pd.DataFrame, given: Sequence[Given], refused: list[int]) -> pd.DataFrame:
+    """Return `photo_id`, `name` and `reason` of the photographs that are left out."""
+    placed = {one.photo_id for one in given}.difference(refused)
+    table = photos.loc[~photos["photo_id"].isin(list(placed)), ["photo_id", "name"]].reset_index(drop=True)
+    reasons = ["contradicts its given pose" if i in refused else "no given pose" for i in table["photo_id"]]
+    return table.assign(reason=pd.Series(reasons, dtype="str"))
 
 
 def _notes(photos: pd.DataFrame, given: set[int], refused: list[int], check: _Check) -> tuple[str, ...]:

@@ -162,7 +162,7 @@ def test_true_poses_from_nerfstudio_triangulate(flight: Flight, computed: Path, 
         "model",
         "map.png",
     }
-    assert made <= {path.name for path in computed.iterdir()}
+    assert made == {path.name for path in computed.iterdir()}
     assert json.loads((tmp_path / "sfm" / "files" / "world.json").read_text())["metric"] is True
 
 
@@ -295,6 +295,9 @@ def test_two_poses_that_changed_places_are_left_out_by_name(flight: Flight, tmp_
     outcome = flight.take_poses(transforms(tmp_path / "ns", swapped), tmp_path)
     assert (outcome["state"], outcome["metrics"]["registered"]) == ("degraded", 10)
     assert "photo_3.jpg, photo_8.jpg" in outcome["notes"][0]
+    unplaced = pd.read_parquet(tmp_path / "sfm" / "files" / "unplaced.parquet")
+    assert unplaced["name"].tolist() == ["photo_3.jpg", "photo_8.jpg"]
+    assert set(unplaced["reason"]) == {"contradicts its given pose"}
     assert most_off(tmp_path / "sfm" / "files", np.delete(poses(), [3, 8], axis=0)) < 1e-9
 
 
