@@ -24,10 +24,12 @@ def write_model(views: Views, points: Points, tracks: Tracks, names: Sequence[st
     ]
     _write(folder / "cameras.txt", lines)
     # Observations are in order of points; within an image they are numbered in that order.
+    by_view = np.argsort(tracks.view, kind="stable")
+    firsts = np.searchsorted(tracks.view[by_view], np.arange(len(views) + 1))
     place = np.zeros(len(tracks.view), int)
     lines = []
-    for index, name in enumerate(names):
-        seen = np.flatnonzero(tracks.view == index)
+    for index, (name, (start, end)) in enumerate(zip(names, pairwise(firsts), strict=True)):
+        seen = by_view[start:end]
         place[seen] = np.arange(len(seen))
         quaternion = Rotation.from_matrix(views.cam_from_world[index, :, :3]).as_quat()[[3, 0, 1, 2]]
         pose = f"{_row(quaternion)} {_row(views.cam_from_world[index, :, 3])}"

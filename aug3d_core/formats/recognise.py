@@ -15,6 +15,8 @@ COORDINATES, MAPPINGS, METADATA = "coordinates.pt", "mappings.txt", "metadata"
 SPLITS = ("train", "val")
 _MODEL_PLACES = (".", "sparse/0", "0", "sparse")
 _MODEL_FILES = ("cameras", "images", "points3D")
+_TRACK_LENGTH = slice(8 + 43, 8 + 43 + 8)  # in points3D.bin, of the first point: after count, id, place, colour, error
+_POINT_FIELDS = 8  # in points3D.txt, before the track
 _RIG_FILES = ("rigs", "frames")  # beside the three since COLMAP 3.12
 _KINDS = (
     "a COLMAP model (cameras, images and points3D, .bin or .txt, also in sparse/0), a nerfstudio transforms.json, or a "
@@ -79,11 +81,14 @@ def _colmap(path: Path) -> PoseFiles | None:
 
 
 def _has_points(points: Path) -> bool:
+    """Say whether there are points and it is known which images see them: look at the first."""
     if points.suffix == ".bin":
         with points.open("rb") as file:
-            return any(file.read(8))  # the number of points
+            head = file.read(_TRACK_LENGTH.stop)
+        return any(head[:8]) and any(head[_TRACK_LENGTH])
     with points.open("rb") as file:
-        return any(line.strip() and not line.startswith(b"#") for line in file)
+        first = next((line for line in file if line.strip() and not line.startswith(b"#")), b"")
+    return len(first.split()) > _POINT_FIELDS
 
 
 def _nerfstudio(path: Path) -> PoseFiles | None:

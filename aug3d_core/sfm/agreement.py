@@ -24,8 +24,8 @@ def detail_agreement(
     run alike gave wrong photographs up to 0.7. NaN for a view with fewer than 20 points that others see too.
     """
     value = np.zeros(len(view))
-    for index, file in enumerate(files):
-        of_view = view == index
+    of_views = _by_view(view, len(files))
+    for file, of_view in zip(files, of_views, strict=True):
         with Image.open(file) as image:
             grey = image.convert("L")
         detail = _blurred(grey, _FINE_PX) - _blurred(grey, _COARSE_PX)
@@ -33,9 +33,14 @@ def detail_agreement(
         value[of_view] = detail[row.clip(0, grey.height - 1), column.clip(0, grey.width - 1)]
     count = np.bincount(point)
     shared = count[point] >= 2
-    others = (np.bincount(point, value)[point] - value)[shared] / (count[point][shared] - 1)
-    of_views = (view[shared] == index for index in range(len(files)))
-    return np.array([_correlation(value[shared][of_view], others[of_view]) for of_view in of_views])
+    others = (np.bincount(point, value)[point] - value) / np.maximum(count[point] - 1, 1)
+    of_views = [of_view[shared[of_view]] for of_view in of_views]
+    return np.array([_correlation(value[of_view], others[of_view]) for of_view in of_views])
+
+
+def _by_view(view: Int[np.ndarray, " t"], views: int) -> list[Int[np.ndarray, " m"]]:
+    order = np.argsort(view, kind="stable")
+    return np.split(order, np.searchsorted(view[order], np.arange(1, views)))
 
 
 def _blurred(image: Image.Image, radius_px: float) -> Float[np.ndarray, "h w"]:

@@ -166,6 +166,17 @@ def test_true_poses_from_nerfstudio_triangulate(flight: Flight, computed: Path, 
     assert json.loads((tmp_path / "sfm" / "files" / "world.json").read_text())["metric"] is True
 
 
+def test_the_same_poses_give_the_same_bytes(flight: Flight, tmp_path: Path) -> None:
+    given = transforms(tmp_path / "ns", poses())
+    flight.take_poses(given, tmp_path / "a")
+    flight.take_poses(given, tmp_path / "b")
+    first, second = tmp_path / "a" / "sfm" / "files", tmp_path / "b" / "sfm" / "files"
+    files = sorted(path.relative_to(first) for path in first.rglob("*.*"))
+    assert files == sorted(path.relative_to(second) for path in second.rglob("*.*"))
+    for file in files:
+        assert (first / file).read_bytes() == (second / file).read_bytes(), file
+
+
 def test_true_poses_from_mega_nerf_triangulate(flight: Flight, tmp_path: Path) -> None:
     outcome = flight.take_poses(mega_nerf(tmp_path / "mega", poses()), tmp_path)
     assert (outcome["state"], outcome["metrics"]["registered"]) == ("ok", 12)

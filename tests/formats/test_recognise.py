@@ -11,11 +11,13 @@ from aug3d_core.errors import InputError
 from aug3d_core.formats.recognise import COLMAP, MEGA_NERF, NERFSTUDIO, pose_digest, recognise
 
 
-def colmap(folder: Path, suffix: str = ".bin", points: int = 1) -> Path:
+def colmap(folder: Path, suffix: str = ".bin", points: int = 1, track: int = 2) -> Path:
     folder.mkdir(parents=True)
-    for name in ("cameras", "images", "points3D"):
-        content = struct.pack("<Q", points) if suffix == ".bin" else "# a comment\n" + "1 0 0 0\n" * points
-        (folder / f"{name}{suffix}").write_bytes(content if isinstance(content, bytes) else content.encode())
+    for name in ("cameras", "images"):
+        (folder / f"{name}{suffix}").write_bytes(b"")
+    binary = struct.pack("<Q", points) + (struct.pack("<QdddBBBdQ", 1, 0, 0, 0, 9, 9, 9, 0.5, track)) * points
+    text = "# a comment\n" + f"1 0 0 0 9 9 9 0.5{' 1 0' * track}\n" * points
+    (folder / f"points3D{suffix}").write_bytes(binary if suffix == ".bin" else text.encode())
     return folder
 
 
@@ -30,8 +32,9 @@ def test_a_colmap_model_and_its_parents(suffix: str, place: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_a_colmap_model_without_points(suffix: str, tmp_path: Path) -> None:
+def test_a_colmap_model_without_points_or_without_what_sees_them(suffix: str, tmp_path: Path) -> None:
     assert not recognise(colmap(tmp_path / "model", suffix, points=0)).has_points
+    assert not recognise(colmap(tmp_path / "cloud", suffix, track=0)).has_points
 
 
 def test_a_colmap_model_that_lacks_a_file(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def test_a_dry_run_names_the_stages_that_given_poses_need(photos: Path, tmp_path
     model = tmp_path / "model"
     model.mkdir()
     for name in ("cameras", "images", "points3D"):
-        (model / f"{name}.txt").write_text("1 2 3\n")
+        (model / f"{name}.txt").write_text("1 0 0 0 9 9 9 0.5 1 0 2 0\n")
     with_points = json.loads(aug3d(*run, "--poses", model).stdout)
     assert [step["stage"] for step in with_points][:3] == ["photos", "poses", "sfm"]
 
