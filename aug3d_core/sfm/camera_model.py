@@ -30,6 +30,7 @@ _WORTH_FOCAL = 1.03  # the same of the focal length kept over freed
 _TRIAL_POINTS = 4000
 _SHORTEST_TRACK = 3  # one held out leaves two
 _HELD_OUT = 10
+_LOST_PX = 20.0  # what a point counts that is projected farther off, or from behind the camera
 
 Observation = tuple[int, int, int]  # point id, image id, index of the keypoint
 
@@ -138,7 +139,8 @@ def _mean_error_px(model: pycolmap.Reconstruction, held_out: list[Observation]) 
     for point_id, image_id, index in held_out:
         image = model.image(image_id)
         at = model.camera(image.camera_id).img_from_cam(image.cam_from_world() * model.point3D(point_id).xyz)
-        errors.append(np.linalg.norm(image.points2D[index].xy - at))
+        off_px = np.inf if at is None else float(np.linalg.norm(image.points2D[index].xy - at))
+        errors.append(min(off_px, _LOST_PX))
     return float(np.mean(errors))
 
 

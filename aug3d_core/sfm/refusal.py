@@ -15,17 +15,21 @@ from aug3d_core.sfm.mapping import SMALLEST_MODEL
 # 9 in 10 have a ratio above 1.2, and none is under 1.09.
 _ROTATION = 1.05
 _MOST_ROTATIONS = 0.75
+_FOCAL_FACTORS = np.append(1.0, np.geomspace(0.4, 2.5, 13))
 _FEW_FEATURES = 100
 _LEAST_BASELINE = 0.05  # spread of the cameras over their distance to the points: 3 degrees between lines of sight
 
 
-def refuse_one_spot(database: Path) -> None:
-    """Raise InputError if nearly all matched pairs are mere rotations of the camera."""
-    ratios = _homography_ratios(database)
-    if len(ratios) and np.mean(ratios < _ROTATION) > _MOST_ROTATIONS:
-        raise _one_spot(
-            f"in {np.count_nonzero(ratios < _ROTATION)} of {len(ratios)} matched pairs the camera only turned"
-        )
+def refuse_one_spot(database: Path) -> bool:
+    """Raise InputError if nearly all matched pairs are mere rotations of the camera, with its focal length as entered.
+
+    Return whether they would be with another focal length: a camera of unknown focal length that turns can look like one
+    that flies.
+    """
+    shares = _rotation_shares(database, _FOCAL_FACTORS)
+    if shares[0] > _MOST_ROTATIONS:
+        raise _one_spot(f"in {100 * shares[0]:.0f} % of the matched pairs the camera only turned")
+    return bool(shares.max() > _MOST_ROTATIONS)
 
 
 def refuse_short_baseline(centres: np.ndarray, median_depth: float) -> None:
@@ -63,17 +67,23 @@ def _one_spot(evidence: str) -> InputError:
     )
 
 
-def _homography_ratios(database: Path) -> np.ndarray:
-    """Return greatest over least singular value of each matched pair's homography between rays."""
+def _rotation_shares(database: Path, focal_factors: np.ndarray) -> np.ndarray:
+    """Return the share of matched pairs whose homography is a rotation, for each factor on the focal lengths."""
     with pycolmap.Database.open(database) as opened:
         camera_of = {image.image_id: image.camera_id for image in opened.read_all_images()}
         calibration = {camera.camera_id: camera.calibration_matrix() for camera in opened.read_all_cameras()}
         pair_ids, geometries = opened.read_two_view_geometries()
-    ratios = []
-    for pair_id, geometry in zip(pair_ids, geometries, strict=True):
-        if geometry.H is None or not len(geometry.inlier_matches):
-            continue
-        one, two = (calibration[camera_of[i]] for i in pycolmap.pair_id_to_image_pair(pair_id))
-        singular = np.linalg.svd(np.linalg.solve(two, geometry.H @ one), compute_uv=False)
-        ratios.append(singular[0] / max(singular[-1], 1e-12))
-    return np.array(ratios)
+    known = [
+        (geometry.H, *(calibration[camera_of[i]] for i in pycolmap.pair_id_to_image_pair(pair_id)))
+        for pair_id, geometry in zip(pair_ids, geometries, strict=True)
+        if geometry.H is not None and len(geometry.inlier_matches)
+    ]
+    if not known:
+        return np.zeros(len(focal_factors))
+    homography, one, two = (np.array(each) for each in zip(*known, strict=True))
+    shares = []
+    for factor in focal_factors:
+        scaled = np.diag([factor, factor, 1.0])
+        singular = np.linalg.svd(np.linalg.solve(two @ scaled, homography @ one @ scaled), compute_uv=False)
+        shares.append(np.mean(singular[:, 0] < _ROTATION * singular[:, -1]))
+    return np.array(shares)

@@ -14,7 +14,7 @@ from aug3d_core.geometry.transforms import centres
 from aug3d_core.photos.table import read_photos
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment
-from aug3d_core.sfm.camera_model import Chosen, as_it_was, choose_camera_model
+from aug3d_core.sfm.camera_model import EXIF, Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.doming import Doming, measure_doming
 from aug3d_core.sfm.grow import earlier_model
@@ -28,6 +28,10 @@ from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
 _LEAST_PLACED = 0.75
+_SPOT_NOTE = (
+    "the camera may have turned on one spot rather than flown: without its focal length, or GPS, the photographs do not "
+    "tell, and the reconstruction may be wrong altogether"
+)
 
 
 def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
@@ -37,7 +41,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     matching = read_matching_table(inputs["matching"])
     with tempfile.TemporaryDirectory(dir=out) as scratch:
         database = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
-        refuse_one_spot(database)
+        may_be_one_spot = refuse_one_spot(database)
         start = earlier_model(photos, database, inputs.get(layout.EARLIER))
         grown_from = 0 if start is None else start.num_reg_images()
         mapped = reconstruct(images, database, photos, config, progress, start)
@@ -55,14 +59,17 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     metrics = model_metrics(chosen.model, arrays, alignment, photos) | _choices(mapped, chosen)
     metrics |= {"components": len(mapped.models), "grown_from": grown_from}
     metrics |= {"doming_pct": doming and doming.pct, "doming_sigma_pct": doming and doming.sigma_pct}
+    few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
+    doubtful = may_be_one_spot and chosen.focal_from != EXIF and not alignment.metric
     return Outcome(
         metrics=metrics,
-        state="degraded" if len(arrays.views) < _LEAST_PLACED * len(photos) or alignment.problem or bent else "ok",
+        state="degraded" if few or alignment.problem or bent or doubtful else "ok",
         notes=(
             *unplaced_notes(unplaced, len(photos)),
             *alignment_notes(alignment),
             *(_bend_note(doming) if bent else ()),
+            *((_SPOT_NOTE,) if doubtful else ()),
             *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),
         ),
         pictures={"Points and cameras from above": layout.SFM_MAP},

@@ -62,23 +62,32 @@ class LittleScene:
 
 
 def write_flight(
-    folder: Path, cam_from_world: np.ndarray, gps: bool = True, seed: int = 0, start: int = 0, noise_m: float = 0.0
+    folder: Path,
+    cam_from_world: np.ndarray,
+    gps: bool = True,
+    seed: int = 0,
+    start: int = 0,
+    noise_m: float = 0.0,
+    focal_35mm: int | None = FOCAL_35MM,
 ) -> Path:
-    """Write the photographs of a flight as JPEGs with EXIF."""
+    """Write the photographs of a flight as JPEGs with EXIF, of which `focal_35mm` may be a lie."""
     folder.mkdir(parents=True, exist_ok=True)
     scene, rng = LittleScene(seed), np.random.default_rng(seed)
     positions = centres(cam_from_world) + rng.normal(size=(len(cam_from_world), 3)) * noise_m
     for i, (pose, place) in enumerate(zip(cam_from_world, geodetic_from_enu(positions, ORIGIN), strict=True), start):
-        scene.photograph(pose).save(folder / f"photo_{i}.jpg", quality=95, exif=_exif(i, place if gps else None))
+        scene.photograph(pose).save(
+            folder / f"photo_{i}.jpg", quality=95, exif=_exif(i, place if gps else None, focal_35mm)
+        )
     return folder
 
 
-def _exif(number: int, place: Sequence[float] | np.ndarray | None) -> Image.Exif:
+def _exif(number: int, place: Sequence[float] | np.ndarray | None, focal_35mm: int | None) -> Image.Exif:
     tag, exif = ExifTags.Base, Image.Exif()
     exif[tag.Make], exif[tag.Model] = "aug3d", "little scene"
     time = datetime(2024, 5, 1, 12, 0) + timedelta(seconds=2 * number)
-    detail = {tag.FocalLengthIn35mmFilm: FOCAL_35MM, tag.DateTimeOriginal: time.strftime("%Y:%m:%d %H:%M:%S")}
-    exif.get_ifd(ExifTags.IFD.Exif).update(detail)
+    exif.get_ifd(ExifTags.IFD.Exif)[tag.DateTimeOriginal] = time.strftime("%Y:%m:%d %H:%M:%S")
+    if focal_35mm is not None:
+        exif.get_ifd(ExifTags.IFD.Exif)[tag.FocalLengthIn35mmFilm] = focal_35mm
     if place is not None:
         gps = ExifTags.GPS
         exif.get_ifd(ExifTags.IFD.GPSInfo).update(

@@ -4,56 +4,21 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
+from engines.sfm_runs import loaded, run_sfm, take_photos
 from PIL import Image
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
-from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.stage import run as take_in
 
 pytestmark = pytest.mark.slow
-
-
-def take_photos(folder: Path, out: Path) -> Path:
-    out.mkdir(parents=True)
-    take_in({"folder": folder}, PhotosConfig(), out, lambda done, total, what: None)
-    return out
-
-
-def run_stage(
-    stage: str, folder: Path, inputs: dict[str, Path], cpus: set[int] | None = None, **config: Any
-) -> dict[str, Any]:
-    """Run a stage of the package; return its outcome, or its error."""
-    folder.mkdir(parents=True)
-    job = {"stage": stage, "config": config, "inputs": {name: str(path) for name, path in inputs.items()}}
-    (folder / "job.json").write_text(json.dumps(job))
-    subprocess.run(
-        [sys.executable, "-m", "aug3d_core.sfm", str(folder / "job.json")],
-        check=False,
-        preexec_fn=None if cpus is None else lambda: os.sched_setaffinity(0, cpus),
-        timeout=300,
-    )
-    result = folder / "outcome.json" if (folder / "outcome.json").exists() else folder / "error.json"
-    return json.loads(result.read_text())
-
-
-def run_sfm(photos: Path, folder: Path, cpus: set[int] | None = None, **matching: int) -> dict[str, Any]:
-    """Match in `<folder>_matching` and run the sfm stage; return the outcome or the first error of the two."""
-    matches = folder.with_name(f"{folder.name}_matching")
-    matched = run_stage("matching", matches, {"photos": photos}, cpus, **matching)
-    if "problem" in matched:
-        return matched
-    return run_stage("sfm", folder, {"photos": photos, "matching": matches / "files"}, cpus)
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +27,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     folder = tmp_path_factory.mktemp("flown")
     photos = take_photos(write_flight(folder / "in", poses(), noise_m=0.2), folder / "photos")
     return folder, run_sfm(photos, folder / "sfm")
-
-
-def loaded(folder: Path) -> tuple[Views, Points, Tracks]:
-    files = folder / "files"
-    return Views.load(files / "views.npz"), Points.load(files / "points.npz"), Tracks.load(files / "tracks.npz")
 
 
 def true_poses(world: dict[str, Any]) -> np.ndarray:
@@ -178,8 +138,11 @@ def test_the_larger_of_two_scenes_is_taken_and_the_other_kept(tmp_path: Path) ->
     components = json.loads((tmp_path / "sfm" / "files" / "components.json").read_text())["components"]
     assert [part["photo_ids"] for part in components] == [list(range(6, 14)), list(range(6))]
     assert (tmp_path / "sfm" / "files" / components[1]["folder"] / "images.bin").exists()
-    assert any("fall into 2 parts" in note for note in outcome["notes"])
-    assert any("6 of 14 photographs could not be placed: photo_0.jpg" in note for note in outcome["notes"])
+    assert outcome["state"] == "degraded"
+    assert any("fall into 2 parts" in note and "part 2 holds 6 of 14: photo_0.jpg" in note for note in outcome["notes"])
+    unplaced = pd.read_parquet(tmp_path / "sfm" / "files" / "unplaced.parquet")
+    assert unplaced["photo_id"].tolist() == list(range(6))
+    assert set(unplaced["reason"]) == {"separate island"}
 
 
 def test_thirty_photographs_of_nothing_in_common(tmp_path: Path) -> None:
