@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aug3d_core.errors import UsageError
+from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.formats.cameras import world_from_gl
 from aug3d_core.formats.colmap_text import write_model
 from aug3d_core.formats.recognise import COLMAP, NERFSTUDIO, TRANSFORMS
@@ -30,11 +30,16 @@ _CLOUD = "sparse_pc.ply"
 
 
 def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
-    """Write a scene's sfm output in a format, and return how many views; raises UsageError if the folder is not empty."""
+    """Write a scene's sfm output in a format, and return how many views.
+
+    Raises UsageError if the folder is not empty, StoreError if the scene's files are gone.
+    """
     if form not in FORMATS:
         raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join(FORMATS)}")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} is not an empty folder", "name a new folder, so that nothing there is overwritten")
+    if not ((sfm / layout.VIEWS).is_file() and (photos / layout.PHOTO_TABLE).is_file()):
+        raise StoreError(f"the scene's files are gone from {sfm} or {photos}", "run the scene again, then export it")
     views, points = Views.load(sfm / layout.VIEWS), Points.load(sfm / layout.POINTS)
     table = read_photos(photos)
     original = dict(zip(table["photo_id"], table["name"], strict=True))

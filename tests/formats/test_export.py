@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from aug3d_core.errors import UsageError
+from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.formats.export import export
 from aug3d_core.formats.match import match_photos
 from aug3d_core.formats.nerfstudio import read_transforms
@@ -93,6 +93,13 @@ def test_nothing_is_overwritten(form: str, scene: tuple[Path, Path, Views], tmp_
     with pytest.raises(UsageError, match="not an empty folder"):
         export(sfm, photos, form, tmp_path / "out" / "mine.txt")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
+
+
+def test_a_scene_whose_files_are_gone(scene: tuple[Path, Path, Views], tmp_path: Path) -> None:
+    (scene[0] / "views.npz").unlink()
+    with pytest.raises(StoreError, match="the scene's files are gone"):
+        export(scene[0], scene[1], COLMAP, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_unknown_format(scene: tuple[Path, Path, Views], tmp_path: Path) -> None:
