@@ -6,6 +6,7 @@ ranges        how near and far, how low and high each photograph sees (plain num
 planes        the planes to try, no more than the photographs can tell apart (plain numpy)
 search        the planes for one photograph, after a quick look for the highest and lowest places
 sweep         the plane on which the sources agree best with each pixel (OpenCV)
+coherence     depth without islands, filled from half the size (OpenCV)
 normals       depth map -> normal map (OpenCV)
 consistency   what depth maps of other photographs confirm (plain numpy)
 job           what a worker process does

@@ -19,7 +19,7 @@ class DepthConfig(StageConfig):
     max_px: int = Field(
         default=512, ge=64, le=8192, description="Width (px) of the depth maps at most; never more than the photo's."
     )
-    sources: int = Field(default=4, ge=1, le=20, description="Photographs that each one is compared with.")
+    sources: int = Field(default=6, ge=1, le=20, description="Photographs that each one is compared with.")
 
 
 PRESETS: dict[str, DepthConfig] = {

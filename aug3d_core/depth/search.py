@@ -7,6 +7,7 @@ sixteenth of the pixels) and so can search far higher and lower than they reach.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -24,16 +25,29 @@ _MARGIN = 2.0  # pixels of the quick look: what one is uncertain by
 _OBLIQUE_DEG = 20.0  # below this, planes that face the camera are as good as horizontal ones
 
 
-def families_for(reference: Photo, sources: list[Photo], task: PhotoTask) -> list[Family]:
-    """Return horizontal planes, and for a photograph that looks aside also planes that face it."""
-    camera, cameras = reference.camera, [source.camera for source in sources]
+class Range(NamedTuple):
+    """A family of planes before it is known how many it takes: normal in the camera's frame, distances."""
+
+    normal: np.ndarray
+    nearest: float
+    farthest: float
+
+
+def ranges_for(reference: Photo, sources: list[Photo], task: PhotoTask) -> list[Range]:
+    """Return the range of horizontal planes, and for a photograph that looks aside also of planes that face it."""
+    camera = reference.camera
     down = horizontal_normal(camera)
     lowest, highest = _slab(reference, sources, task)
     height = _height(camera)
-    families = [make_family(camera, cameras, down, height - highest, height - lowest)]
+    ranges = [Range(down, height - highest, height - lowest)]
     if np.degrees(np.arccos(np.clip(down[2], -1, 1))) > _OBLIQUE_DEG:
-        families.append(make_family(camera, cameras, np.array([0.0, 0.0, 1.0]), *task.depth))
-    return families
+        ranges.append(Range(np.array([0.0, 0.0, 1.0]), *task.depth))
+    return ranges
+
+
+def families_for(reference: Camera, sources: list[Camera], ranges: list[Range]) -> list[Family]:
+    """Return the planes of each range, as many as cameras of this size can tell apart."""
+    return [make_family(reference, sources, *each) for each in ranges]
 
 
 def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[float, float]:
@@ -44,7 +58,7 @@ def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[floa
     ceiling, floor = min(highest + _ABOVE * above, height - 0.3 * above), lowest - _BELOW * above
     if ceiling <= highest:
         return lowest, highest
-    small, others = _reduced(reference), [_reduced(source) for source in sources]
+    small, others = reduced(reference, _QUARTER), [reduced(source, _QUARTER) for source in sources]
     cameras = [other.camera for other in others]
     planes = make_family(small.camera, cameras, horizontal_normal(small.camera), height - ceiling, height - floor)
     margin = _MARGIN * above / float(small.camera.intrinsics[0])
@@ -59,9 +73,10 @@ def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[floa
     return min(lowest, float(low) - margin), max(highest, float(high) + margin)
 
 
-def _reduced(photo: Photo) -> Photo:
+def reduced(photo: Photo, by: int) -> Photo:
+    """Return a photograph made smaller by averaging."""
     camera = photo.camera
-    width, height = max(1, camera.width // _QUARTER), max(1, camera.height // _QUARTER)
+    width, height = max(1, camera.width // by), max(1, camera.height // by)
     scale = np.tile([width / camera.width, height / camera.height], 2)
     grey = cv2.resize(photo.grey, (width, height), interpolation=cv2.INTER_AREA)
     return Photo(grey, replace(camera, intrinsics=camera.intrinsics * scale, width=width, height=height))

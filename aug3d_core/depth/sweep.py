@@ -17,7 +17,7 @@ from jaxtyping import Float32, UInt8
 from aug3d_core.depth.cameras import Camera, relative_pose
 from aug3d_core.depth.planes import Family
 
-WINDOW_PX = 7
+WINDOW_PX = 5  # 7 and 9 lose edges and facades (1.4 and 2.4 points of pixels within 0.5 % of the town's exact depth)
 _MISSING = np.float32(0.1)  # of the score of a better source, where an image ends
 _FLAT = 4.0  # grey levels squared: variance below which a window has no texture to compare
 

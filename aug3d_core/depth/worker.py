@@ -16,11 +16,12 @@ import cv2
 import numpy as np
 
 from aug3d_core.depth.cameras import Camera, camera_of, depth_sizes
+from aug3d_core.depth.coherence import filled, without_islands
 from aug3d_core.depth.consistency import DepthMap, confirm
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.maps import read_map, write_map
 from aug3d_core.depth.normals import normals_of
-from aug3d_core.depth.search import families_for
+from aug3d_core.depth.search import Range, families_for, ranges_for, reduced
 from aug3d_core.depth.sweep import Photo, sweep
 from aug3d_core.geometry.views import Views
 from aug3d_core.parent import SUPERVISED, die_with_parent
@@ -28,6 +29,7 @@ from aug3d_core.store import layout
 
 LEAST_SCORE = 0.4
 ENOUGH_AGREE = 2  # other depth maps; one, where only one looks
+HALF = 2
 _CACHED = 32  # images or maps kept in memory: neighbours are needed again soon
 
 
@@ -62,10 +64,19 @@ class _Share:
 def sweep_photo(share: _Share, task: PhotoTask) -> int:
     """Write the raw depth map of one photograph and return the number of planes tried."""
     reference, sources = share.photo(task.view), [share.photo(view) for view in task.sources]
-    families = families_for(reference, sources, task)
-    best = sweep(reference, sources, families)
-    write_map(share.raw_path(task.view), np.where(best.score > LEAST_SCORE, best.depth, np.float32(0)))
-    return sum(len(family.inverse_distance) for family in families)
+    ranges = ranges_for(reference, sources, task)
+    fine, planes = _certain(reference, sources, ranges)
+    coarse, _ = _certain(reduced(reference, HALF), [reduced(source, HALF) for source in sources], ranges)
+    write_map(share.raw_path(task.view), filled(fine, coarse))
+    return planes
+
+
+def _certain(reference: Photo, sources: list[Photo], ranges: list[Range]) -> tuple[np.ndarray, int]:
+    """Return the depth that is certain and hangs together, and the number of planes tried."""
+    families = families_for(reference.camera, [source.camera for source in sources], ranges)
+    found = sweep(reference, sources, families)
+    depth = np.where(found.score > LEAST_SCORE, found.depth, np.float32(0))
+    return without_islands(depth), sum(len(family.inverse_distance) for family in families)
 
 
 def compare_photo(share: _Share, task: PhotoTask) -> float:
@@ -74,6 +85,7 @@ def compare_photo(share: _Share, task: PhotoTask) -> float:
     found = confirm(own, [share.raw_depth(view) for view in task.others])
     depth = np.where(found.agreeing >= np.clip(found.looking, 1, ENOUGH_AGREE), found.depth, np.float32(0))
     name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
+    depth = without_islands(depth)
     write_map(share.job.workspace / "stereo/depth_maps" / name, depth)
     write_map(share.job.workspace / "stereo/normal_maps" / name, normals_of(depth, own.camera))
     return float((depth > 0).mean())
