@@ -1,6 +1,6 @@
-"""Depth that hangs together: small islands are dropped, and what is left open is filled from a sweep at half the size. OpenCV.
+"""Depth that hangs together: small islands are dropped, and what is left open is filled from sweeps at smaller sizes. OpenCV.
 
-Leaves match by chance in a small window; at half the size the same window holds a twig more, and crowns come out whole.
+Leaves match by chance in a small window; at a smaller size the same window holds a whole branch.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from jaxtyping import Float32, UInt8
 
 from aug3d_core.depth.cameras import Camera, relative_pose
 
-MOST_OFF_PX = 1.0
+MOST_OFF_PX = 1.5
 MOST_OFF_DEPTH = 0.01  # relative
 
 

@@ -29,7 +29,7 @@ from aug3d_core.store import layout
 
 LEAST_SCORE = 0.4
 ENOUGH_AGREE = 2  # other depth maps; one, where only one looks
-HALF = 2
+COARSER = (2, 4)  # sizes whose sweeps fill what is left open; together they cost a sixth of the full size
 _CACHED = 32  # images or maps kept in memory: neighbours are needed again soon
 
 
@@ -65,9 +65,11 @@ def sweep_photo(share: _Share, task: PhotoTask) -> int:
     """Write the raw depth map of one photograph and return the number of planes tried."""
     reference, sources = share.photo(task.view), [share.photo(view) for view in task.sources]
     ranges = ranges_for(reference, sources, task)
-    fine, planes = _certain(reference, sources, ranges)
-    coarse, _ = _certain(reduced(reference, HALF), [reduced(source, HALF) for source in sources], ranges)
-    write_map(share.raw_path(task.view), filled(fine, coarse))
+    depth, planes = _certain(reference, sources, ranges)
+    for by in COARSER:
+        coarse, _ = _certain(reduced(reference, by), [reduced(source, by) for source in sources], ranges)
+        depth = filled(depth, coarse)
+    write_map(share.raw_path(task.view), depth)
     return planes
 
 
