@@ -15,7 +15,7 @@ from aug3d_core.sfm.mapping import SMALLEST_MODEL
 # 9 in 10 have a ratio above 1.2, and none is under 1.09.
 _ROTATION = 1.05
 _MOST_ROTATIONS = 0.75
-_FOCAL_FACTORS = np.append(1.0, np.geomspace(0.4, 2.5, 13))
+_FOCAL_FACTORS = np.append(1.0, np.geomspace(0.4, 2.5, 41))
 _FEW_FEATURES = 100
 _LEAST_BASELINE = 0.05  # spread of the cameras over their distance to the points: 3 degrees between lines of sight
 

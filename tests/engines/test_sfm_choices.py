@@ -1,0 +1,89 @@
+"""The sfm stage with each mapper, with focal lengths that lie, and grown from an earlier output."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from engines.little_scene import FOCAL_PX, poses, write_flight
+from engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
+
+from aug3d_core.geometry.similarity import fit_similarity
+from aug3d_core.geometry.transforms import centres
+
+pytestmark = pytest.mark.slow
+
+FLIGHT = poses(4, 4)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with 16 photographs, `photos`, and an earlier sfm output of the first 14, `earlier`."""
+    folder = tmp_path_factory.mktemp("flown")
+    take_photos(write_flight(folder / "in", FLIGHT, noise_m=0.2), folder / "photos")
+    for late in (14, 15):
+        (folder / "in" / f"photo_{late}.jpg").unlink()
+    before = run_sfm(take_photos(folder / "in", folder / "photos_before"), folder / "before")
+    assert before["metrics"]["registered"] == 14
+    (folder / "earlier").mkdir()
+    (folder / "earlier" / "00").symlink_to(folder / "before" / "files")
+    return folder
+
+
+def worst_m(sfm: Path) -> float:
+    """Return the largest error of a camera centre after the similarity that best maps them to the truth."""
+    views, _, _ = loaded(sfm)
+    true = centres(FLIGHT[views.photo_id])
+    fit = fit_similarity(centres(views.cam_from_world), true)
+    return float(np.linalg.norm(fit.apply(centres(views.cam_from_world)) - true, axis=1).max())
+
+
+def test_new_photographs_are_added_to_the_earlier_model(flown: Path, tmp_path: Path) -> None:
+    outcome = run_sfm(flown / "photos", tmp_path / "sfm", earlier=flown / "earlier")
+    metrics = outcome["metrics"]
+    assert (metrics["grown_from"], metrics["registered"]) == (14, 16)
+    assert metrics["focal_source"] == "exif"
+    assert outcome["state"] == "ok"
+    assert metrics["reprojection_px"] < 0.6
+    assert worst_m(tmp_path / "sfm") < 0.15  # 0.3 % of the height, as when computed anew
+
+
+def test_an_earlier_model_of_other_keypoints_is_not_used(flown: Path, tmp_path: Path) -> None:
+    outcome = run_sfm(flown / "photos", tmp_path / "sfm", earlier=flown / "earlier", max_features=300)
+    assert outcome["metrics"]["grown_from"] == 0
+    assert outcome["metrics"]["registered"] == 16
+
+
+def test_an_earlier_model_of_other_photographs_is_not_used(flown: Path, tmp_path: Path) -> None:
+    shutil.copytree(flown / "before" / "files", tmp_path / "earlier" / "00")
+    record = json.loads((tmp_path / "earlier" / "00" / "components.json").read_text())
+    record["photo_sha256"][0] = "0" * 64
+    (tmp_path / "earlier" / "00" / "components.json").write_text(json.dumps(record))
+    outcome = run_sfm(flown / "photos", tmp_path / "sfm", earlier=tmp_path / "earlier")
+    assert outcome["metrics"]["grown_from"] == 0
+
+
+@pytest.mark.parametrize("mapper", ["global", "hierarchical"])
+def test_other_mappers_find_the_same_flight_and_repeat_to_the_byte(flown: Path, tmp_path: Path, mapper: str) -> None:
+    outcome = run_sfm(flown / "photos", tmp_path / "first", sfm={"mapper": mapper})
+    assert (outcome["metrics"]["mapper"], outcome["metrics"]["registered"]) == (mapper, 16)
+    assert any(f"mapped by the {mapper} mapper: asked for" in note for note in outcome["notes"])
+    assert worst_m(tmp_path / "first") < 0.15
+    inputs = {"photos": flown / "photos", "matching": tmp_path / "first_matching" / "files"}
+    run_stage("sfm", tmp_path / "second", inputs, mapper=mapper)
+    views = [(tmp_path / run / "files" / "views.npz").read_bytes() for run in ("first", "second")]
+    assert views[0] == views[1]
+
+
+@pytest.mark.parametrize("focal_35mm", [15, 60, None])
+def test_a_wrong_or_missing_focal_length_is_survived(tmp_path: Path, focal_35mm: int | None) -> None:
+    photos = take_photos(write_flight(tmp_path / "in", FLIGHT, focal_35mm=focal_35mm), tmp_path / "photos")
+    metrics: dict[str, Any] = run_sfm(photos, tmp_path / "sfm")["metrics"]
+    assert metrics["registered"] == 16
+    assert metrics["focal_source"] == "refined"
+    assert metrics["focal_px"] == pytest.approx(FOCAL_PX, rel=0.02)
+    assert worst_m(tmp_path / "sfm") < 0.3
