@@ -112,6 +112,7 @@ def _notes(photos: pd.DataFrame, table: pd.DataFrame, choice: Choice) -> tuple[s
     if bare:
         names = ", ".join(bare[:_NAMED]) + (", ..." if len(bare) > _NAMED else "")
         notes.append(
-            f"{len(bare)} photographs have fewer than {_FEW_FEATURES} features (no texture, or blurred): {names}"
+            f"{len(bare)} of {len(photos)} photographs have fewer than {_FEW_FEATURES} features "
+            f"(no texture, or blurred): {names}"
         )
     return tuple(notes)

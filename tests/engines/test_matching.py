@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -62,19 +64,19 @@ def assert_same_files(first: Path, second: Path) -> None:
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
 
 
-def write_some(folder: Path, which: list[int]) -> Path:
-    """Write some photographs of one flight, as a user who has not taken or not copied the others yet."""
-    write_flight(folder, poses(), noise_m=0.2)
-    for i in set(range(12)) - set(which):
-        (folder / f"photo_{i}.jpg").unlink()
+def copy_some(flown: Path, folder: Path, which: Iterable[int]) -> Path:
+    """Copy some photographs of the flight, as a user who has not taken the others yet."""
+    folder.mkdir()
+    for i in which:
+        shutil.copy(flown / "in" / f"photo_{i}.jpg", folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Return a folder with `photos` and `all`, the finished stage over 12 photographs, and its outcome."""
+    """Return a folder with `in`, `photos` and `all`, the finished stage over 12 photographs, and its outcome."""
     folder = tmp_path_factory.mktemp("matched")
-    photos = take_photos(write_some(folder / "in", list(range(12))), folder / "photos")
+    photos = take_photos(write_flight(folder / "in", poses(), noise_m=0.2), folder / "photos")
     return folder, run_matching(photos, folder / "all")
 
 
@@ -96,9 +98,9 @@ def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str,
 
 
 def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    fewer = take_photos(write_some(tmp_path / "in", [0, 1, 2, 4, 5, 6, 7, 9, 10, 11]), tmp_path / "photos")
+    fewer = take_photos(copy_some(flown[0], tmp_path / "in", [0, 1, 2, 4, 5, 6, 7, 9, 10, 11]), tmp_path / "photos")
     run_matching(fewer, tmp_path / "fewer")
-    few = take_photos(write_some(tmp_path / "in_few", [0, 1, 2]), tmp_path / "few_photos")
+    few = take_photos(copy_some(flown[0], tmp_path / "in_few", [0, 1, 2]), tmp_path / "few_photos")
     run_matching(few, tmp_path / "few")
     earlier = [files_of(tmp_path / "few"), files_of(tmp_path / "fewer")]
     grown = run_matching(flown[0] / "photos", tmp_path / "grown", earlier)["metrics"]
@@ -107,7 +109,7 @@ def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]
 
 
 def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    fewer = take_photos(write_some(tmp_path / "in", [0, 1, 2, 4, 5]), tmp_path / "photos")
+    fewer = take_photos(copy_some(flown[0], tmp_path / "in", [0, 1, 2, 4, 5]), tmp_path / "photos")
     run_matching(fewer, tmp_path / "anew")
     shrunk = run_matching(fewer, tmp_path / "shrunk", [files_of(flown[0] / "all")])["metrics"]
     assert (shrunk["photos_reused"], shrunk["pairs_reused"]) == (5, 10)
@@ -116,7 +118,7 @@ def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], t
 
 def test_another_order_and_another_lens_are_verified_again(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     """A photograph without a time, nor focal length, puts all in the order of their names: the opposite of before."""
-    write_some(tmp_path / "in", list(range(8)))
+    copy_some(flown[0], tmp_path / "in", range(8))
     for i in range(8):
         (tmp_path / "in" / f"photo_{i}.jpg").rename(tmp_path / "in" / f"p{20 - i}.jpg")
     with Image.open(tmp_path / "in" / "p15.jpg") as image:
@@ -131,9 +133,9 @@ def test_another_order_and_another_lens_are_verified_again(flown: tuple[Path, di
     assert_same_files(files_of(tmp_path / "anew"), files_of(tmp_path / "grown"))
 
 
-def test_each_camera_is_a_camera(tmp_path: Path) -> None:
+def test_each_camera_is_a_camera(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     """Two with known focal lengths, by turns, a third of another size, and a fourth without EXIF."""
-    write_flight(tmp_path / "in", poses()[:6], seed=0)
+    copy_some(flown[0], tmp_path / "in", range(6))
     for i, change in ((1, "focal"), (3, "focal"), (4, "size"), (5, "bare")):
         file = tmp_path / "in" / f"photo_{i}.jpg"
         with Image.open(file) as image:
@@ -159,18 +161,17 @@ def test_each_camera_is_a_camera(tmp_path: Path) -> None:
     assert (by_photo[4].width, by_photo[4].height) == (320, 200)
 
 
-def test_without_gps_pairs_are_those_that_look_alike(tmp_path: Path) -> None:
-    photos = take_photos(write_flight(tmp_path / "in", poses(), gps=False), tmp_path / "photos")
-    metrics = run_matching(photos, tmp_path / "out", exhaustive_limit=5, neighbours=3)["metrics"]
+def test_pairs_are_those_that_look_alike(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    metrics = run_matching(flown[0] / "photos", tmp_path / "out", pairs="coarse", neighbours=3)["metrics"]
     assert metrics["pairs_by"] == "coarse"
     assert metrics["pairs_ranked"] == 66 > metrics["pairs_tried"]
     table = pd.read_parquet(files_of(tmp_path / "out") / layout.MATCHING_TABLE)
     assert table["matched_pairs"].min() >= 3
 
 
-def test_photographs_without_texture_are_named(tmp_path: Path) -> None:
-    write_flight(tmp_path / "in", poses()[:4])
+def test_photographs_without_texture_are_named(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    copy_some(flown[0], tmp_path / "in", range(3))
     Image.new("RGB", (320, 240), (90, 120, 80)).save(tmp_path / "in" / "meadow.png")
     outcome = run_matching(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "out")
     assert outcome["metrics"]["features_min"] == 0
-    assert outcome["notes"] == ["1 photographs have fewer than 100 features (no texture, or blurred): meadow.png"]
+    assert outcome["notes"] == ["1 of 4 photographs have fewer than 100 features (no texture, or blurred): meadow.png"]
