@@ -33,10 +33,10 @@ class SurfaceConfig(StageConfig):
         description="Vertices that carry colour at most; fewer where the photos resolve no more.",
     )
     max_gap_spacings: float = Field(
-        default=8.0,
+        default=24.0,
         ge=0,
         le=200,
-        description="Widest hole to close, as a multiple of the points' spacing; wider ones stay.",
+        description="Widest hole between points to close, as a multiple of their spacing (a low wall); wider ones stay.",
     )
     min_piece_points: int = Field(
         default=100, ge=0, le=10**9, description="Points' worth of surface (count) that a loose piece must have."

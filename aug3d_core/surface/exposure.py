@@ -23,7 +23,8 @@ def exposure_gains(
 ) -> Float[np.ndarray, "n 3"]:
     """Return the factor for each photo's sRGB values, per channel, with geometric mean 1 over all samples.
 
-    Over samples, not photos, so that what most photos show keeps its brightness. Sample s is the colour (0 to 255) that `photo[s]` shows of place `point[s]`. A photo without usable samples gets 1.
+    Over samples, not photos, so that what most photos show keeps its brightness. Sample s is the colour (0 to 255) that
+    `photo[s]` shows of place `point[s]`. A photo without usable samples gets 1.
     """
     return np.stack([_channel_gains(point, photo, rgb[:, channel], photos) for channel in range(3)], axis=1)
 
