@@ -28,7 +28,8 @@ from aug3d_core.parent import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 
 LEAST_SCORE = 0.4
-ENOUGH_AGREE = 2  # other depth maps; one, where only one looks
+ENOUGH_AGREE = 2  # other depth maps
+FEW_LOOK = 2  # others that look at a place up to which one that agrees is enough: the rim of a flight
 COARSER = (2, 4)  # sizes whose sweeps fill what is left open; together they cost a sixth of the full size
 _CACHED = 32  # images or maps kept in memory: neighbours are needed again soon
 
@@ -85,7 +86,7 @@ def compare_photo(share: _Share, task: PhotoTask) -> float:
     """Write the depth and normal map of what others confirm, and return the share of pixels that is."""
     own = share.raw_depth(task.view)
     found = confirm(own, [share.raw_depth(view) for view in task.others])
-    depth = np.where(found.agreeing >= np.clip(found.looking, 1, ENOUGH_AGREE), found.depth, np.float32(0))
+    depth = np.where(found.agreeing >= np.where(found.looking <= FEW_LOOK, 1, ENOUGH_AGREE), found.depth, np.float32(0))
     name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
     depth = without_islands(depth)
     write_map(share.job.workspace / "stereo/depth_maps" / name, depth)

@@ -1,0 +1,86 @@
+"""What OpenCV does for depth. Each check runs in a process of its own: other tests here load pycolmap."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+_PREAMBLE = """
+import numpy as np
+from aug3d_core.depth.cameras import Camera
+from aug3d_core.depth.coherence import filled, without_islands
+from aug3d_core.depth.normals import normals_of
+from aug3d_core.depth.sweep import Reference, better_half
+from aug3d_core.geometry.transforms import look_at
+"""
+
+CHECKS = {
+    "small pieces go and large ones stay": """
+depth = np.zeros((40, 40), np.float32)
+depth[:10, :10] = 50
+depth[20:23, 20:23] = 50
+kept = without_islands(depth, 40)
+assert (kept[:10, :10] == 50).all() and not kept[20:23, 20:23].any()
+""",
+    "a piece that stands out of its surroundings is a piece of its own": """
+depth = np.full((40, 40), 50, np.float32)
+depth[20:23, 20:23] = 45
+assert not without_islands(depth, 40)[20:23, 20:23].any()
+""",
+    "a slope hangs together over any height": """
+depth = np.repeat(np.linspace(30, 60, 200, dtype=np.float32)[None], 5, axis=0)
+assert (without_islands(depth, 500) > 0).all()
+""",
+    "an empty map stays empty": """
+assert not without_islands(np.zeros((5, 5), np.float32), 4).any()
+""",
+    "holes are filled and nothing else is": """
+fine, coarse = np.full((4, 4), 9, np.float32), np.full((2, 2), 7, np.float32)
+fine[2:, 2:] = 0
+both = filled(fine, coarse)
+assert (both[2:, 2:] == 7).all() and (both[:2] == 9).all()
+""",
+    "correlation does not mind exposure": """
+grey = np.random.default_rng(0).integers(60, 120, (50, 60)).astype(np.uint8)
+same = Reference(grey).correlation((grey * 2 + 10).astype(np.uint8))
+assert same.min() > 0.95
+""",
+    "correlation is nothing beyond the image and small on a featureless field": """
+grey = np.full((50, 60), 100, np.uint8)
+warped = grey.copy()
+warped[:, :20] = 0
+score = Reference(grey).correlation(warped)
+assert (score[:, :20] == -1).all() and np.abs(score[:, 30:]).max() < 1e-3
+""",
+    "an occluded half of the sources does not count": """
+good, bad = np.full((2, 2), 0.9, np.float32), np.full((2, 2), -0.3, np.float32)
+assert np.allclose(better_half([good, bad, good, bad]), 0.9)
+assert np.allclose(better_half([bad, good]), 0.9)
+""",
+    "a place that one source sees scores a little less than one that all see": """
+good, none = np.full((2, 2), 0.9, np.float32), np.full((2, 2), -1, np.float32)
+assert 0.8 < better_half([good, none, none, none])[0, 0] < 0.9
+""",
+    "the normal of a tilted plane is exact": """
+camera = Camera(look_at(np.array([0, 0, 40.0]), np.array([5, 3, 0.0])), np.array([100.0, 110.0, 61.0, 50.0]), 128, 96)
+truth = np.array([0.3, -0.2, -1.0]) / np.linalg.norm([0.3, -0.2, -1.0])
+depth = (-40 / (camera.rays @ truth)).astype(np.float32)
+found = normals_of(depth, camera)
+assert np.degrees(np.arccos(np.clip(found @ truth, -1, 1))).max() < 0.2
+""",
+    "where there is no depth there is no normal": """
+camera = Camera(look_at(np.array([0, 0, 40.0]), np.zeros(3)), np.array([100.0, 100.0, 8.0, 8.0]), 16, 16)
+depth = np.full((16, 16), 40, np.float32)
+depth[3] = 0
+found = normals_of(depth, camera)
+assert not found[3].any() and found[4].any(axis=-1).all()
+""",
+}
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_opencv(check: str) -> None:
+    done = subprocess.run([sys.executable, "-c", _PREAMBLE + CHECKS[check]], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
