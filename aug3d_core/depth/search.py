@@ -34,13 +34,16 @@ class Range(NamedTuple):
 
 
 def ranges_for(reference: Photo, sources: list[Photo], task: PhotoTask) -> list[Range]:
-    """Return the range of horizontal planes, and for a photograph that looks aside also of planes that face it."""
+    """Return the range of horizontal planes, and for a photograph that looks aside also of planes that face it.
+
+    A camera that is no higher than what it sees looks down on nothing: for it only planes that face it are left.
+    """
     camera = reference.camera
     down = horizontal_normal(camera)
     lowest, highest = _slab(reference, sources, task)
     height = _height(camera)
-    ranges = [Range(down, height - highest, height - lowest)]
-    if np.degrees(np.arccos(np.clip(down[2], -1, 1))) > _OBLIQUE_DEG:
+    ranges = [Range(down, height - highest, height - lowest)] if lowest < highest else []
+    if not ranges or np.degrees(np.arccos(np.clip(down[2], -1, 1))) > _OBLIQUE_DEG:
         ranges.append(Range(np.array([0.0, 0.0, 1.0]), *task.depth))
     return ranges
 
@@ -56,7 +59,7 @@ def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[floa
     height = _height(reference.camera)
     above = height - 0.5 * (lowest + highest)
     ceiling, floor = min(highest + _ABOVE * above, height - 0.3 * above), lowest - _BELOW * above
-    if ceiling <= highest:
+    if ceiling <= highest or highest <= lowest:
         return lowest, highest
     small, others = reduced(reference, _QUARTER), [reduced(source, _QUARTER) for source in sources]
     cameras = [other.camera for other in others]

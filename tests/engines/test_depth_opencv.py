@@ -12,7 +12,9 @@ import numpy as np
 from aug3d_core.depth.cameras import Camera
 from aug3d_core.depth.coherence import filled, without_islands
 from aug3d_core.depth.normals import normals_of
-from aug3d_core.depth.sweep import Reference, better_half
+from aug3d_core.depth.job import PhotoTask
+from aug3d_core.depth.search import families_for, ranges_for
+from aug3d_core.depth.sweep import Photo, Reference, better_half
 from aug3d_core.geometry.transforms import look_at
 """
 
@@ -62,6 +64,25 @@ assert np.allclose(better_half([bad, good]), 0.9)
     "a place that one source sees scores a little less than one that all see": """
 good, none = np.full((2, 2), 0.9, np.float32), np.full((2, 2), -1, np.float32)
 assert 0.8 < better_half([good, none, none, none])[0, 0] < 0.9
+""",
+    "planes are level for a nadir view, face an oblique one too, and only face a camera below the roofs": """
+def planes_of(target, height, slab):
+    task = PhotoTask(view=0, sources=(1,), others=(1,), depth=(20, 60), height=slab)
+    photos = []
+    for x in (0.0, 5.0):
+        pose = look_at(np.array([x, 0, height]), np.array([x, *target]))
+        camera = Camera(pose, np.array([50.0, 50.0, 32.0, 24.0]), 64, 48)
+        photos.append(Photo(np.random.default_rng(0).integers(1, 255, (48, 64)).astype(np.uint8), camera))
+    ranges = ranges_for(photos[0], photos[1:], task)
+    families_for(photos[0].camera, [photos[1].camera], ranges)
+    world = photos[0].camera.cam_from_world[:, :3]
+    return [tuple(np.round(world.T @ each.normal, 6) + 0.0) for each in ranges]
+
+down = (0, 0, -1)
+assert planes_of((0.1, 0.0), 40.0, (0.0, 8.0)) == [down]
+oblique = planes_of((40.0, 0.0), 40.0, (0.0, 8.0))
+assert oblique[0] == down and np.allclose(oblique[1], (0, 0.5**0.5, -(0.5**0.5)))
+assert np.allclose(planes_of((40.0, 2.0), 2.0, (0.0, -8.0)), [(0, 1, 0)])
 """,
     "the normal of a tilted plane is exact": """
 camera = Camera(look_at(np.array([0, 0, 40.0]), np.array([5, 3, 0.0])), np.array([100.0, 110.0, 61.0, 50.0]), 128, 96)
