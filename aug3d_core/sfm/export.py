@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,10 +76,13 @@ def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
     return pycolmap.undistort_camera(_options(), camera)
 
 
-def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path) -> None:
-    """Write the undistorted image of every placed photograph."""
+def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path, known: Mapping[int, Path]) -> None:
+    """Write the undistorted image of every placed photograph; those that are known, by photo id, are copied."""
     out.mkdir(parents=True, exist_ok=True)
     for image in registered(model):
+        if photo_id(image) in known:
+            shutil.copyfile(known[photo_id(image)], out / layout.image_name(photo_id(image)))
+            continue
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
         undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))

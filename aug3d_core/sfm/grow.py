@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,35 +21,56 @@ from aug3d_core.store import layout
 _LEAST = 0.5  # of today's photographs: less would rest the larger part of a scene on the smaller
 
 
-def earlier_model(photos: pd.DataFrame, database: Path, folder: Path | None) -> pycolmap.Reconstruction | None:
-    """Return the largest earlier model that is a true part of today's scene, with today's ids; the newest of equals.
+@dataclass(frozen=True)
+class Earlier:
+    """An earlier model with today's ids, and its undistorted images by today's photo id."""
+
+    model: pycolmap.Reconstruction
+    images: dict[int, Path]
+
+    def images_as_they_are(self, grown: pycolmap.Reconstruction) -> dict[int, Path]:
+        """Return the images that undistorting again would give, for their cameras have not changed."""
+        same = {
+            image.name
+            for image in (self.model.image(image_id) for image_id in self.model.reg_image_ids())
+            if np.array_equal(self.model.camera(image.camera_id).params, grown.camera(image.camera_id).params)
+        }
+        return {photo_id: path for photo_id, path in self.images.items() if layout.image_name(photo_id) in same}
+
+
+def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> Earlier | None:
+    """Return the largest earlier model that is a true part of today's scene; the newest of equals.
 
     Its photographs must all be among today's, with the same keypoints, and there must be new ones: without any, what changed
     is the matches.
     """
-    best: pycolmap.Reconstruction | None = None
+    best: Earlier | None = None
+    today = dict(zip(photos["sha256"], photos["photo_id"], strict=True))
     for files in sorted(folder.iterdir()) if folder is not None and folder.exists() else []:
         was = json.loads((files / layout.COMPONENTS).read_text())["photo_sha256"]
-        if len(was) >= len(photos) or not set(was) <= set(photos["sha256"]):
+        if len(was) >= len(photos) or not set(was) <= set(today):
             continue
         model = pycolmap.Reconstruction(files / layout.COLMAP_MODEL)
-        if model.num_reg_images() < max(_LEAST * len(photos), 0 if best is None else best.num_reg_images() + 1):
+        if model.num_reg_images() < max(_LEAST * len(photos), 0 if best is None else len(best.images) + 1):
             continue
-        found = _renumbered(model, np.array(was), photos, database)
-        best = found or best
+        now = {export.photo_id(image): int(today[was[export.photo_id(image)]]) for image in export.registered(model)}
+        renumbered = _renumbered(model, now, database)
+        if renumbered is not None:
+            folder_of_images = files / layout.VIEW_IMAGES
+            best = Earlier(renumbered, {new: folder_of_images / layout.image_name(old) for old, new in now.items()})
     return best
 
 
-def _renumbered(
-    model: pycolmap.Reconstruction, was: np.ndarray, photos: pd.DataFrame, database: Path
-) -> pycolmap.Reconstruction | None:
-    """Return the model with the database's ids; None if keypoints differ, or cameras are shared otherwise."""
-    today = dict(zip(photos["sha256"], photos["photo_id"], strict=True))
+def _renumbered(model: pycolmap.Reconstruction, now: dict[int, int], database: Path) -> pycolmap.Reconstruction | None:
+    """Return the model with the database's ids; None if keypoints differ, or cameras are shared otherwise.
+
+    now: photo ids by those of the model.
+    """
     with pycolmap.Database.open(database) as opened:
         entered = {image.name: image for image in opened.read_all_images()}
         grown, camera_was, image_now = pycolmap.Reconstruction(), {}, {}
         for image in export.registered(model):
-            new = entered[layout.image_name(today[was[export.photo_id(image)]])]
+            new = entered[layout.image_name(now[export.photo_id(image)])]
             keypoints = opened.read_keypoints(new.image_id)[:, :2].astype(float)
             if not np.array_equal(keypoints, np.array([point.xy for point in image.points2D]).reshape(-1, 2)):
                 return None

@@ -17,7 +17,7 @@ from aug3d_core.sfm.align import Alignment
 from aug3d_core.sfm.camera_model import EXIF, Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.doming import Doming, measure_doming
-from aug3d_core.sfm.grow import earlier_model
+from aug3d_core.sfm.grow import find_earlier
 from aug3d_core.sfm.mapping import Mapped, reconstruct
 from aug3d_core.sfm.matching_table import read_matching_table
 from aug3d_core.sfm.pairs import gps_positions
@@ -42,22 +42,22 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     with tempfile.TemporaryDirectory(dir=out) as scratch:
         database = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
         may_be_one_spot = refuse_one_spot(database)
-        start = earlier_model(photos, database, inputs.get(layout.EARLIER))
-        grown_from = 0 if start is None else start.num_reg_images()
-        mapped = reconstruct(images, database, photos, config, progress, start)
+        earlier = find_earlier(photos, database, inputs.get(layout.EARLIER))
+        mapped = reconstruct(images, database, photos, config, progress, earlier and earlier.model)
     if not mapped.models:
         raise nothing_found(matching)
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
     largest = mapped.models[0]
-    chosen = as_it_was(largest, photos) if grown_from else choose_camera_model(largest, photos)
+    chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
     alignment = align_model(chosen.model, photos, np.random.default_rng(config.seed))
-    arrays = write_outputs(chosen.model, mapped.models[1:], alignment, photos, images, out)
+    known = earlier.images_as_they_are(chosen.model) if earlier else {}
+    arrays = write_outputs(chosen.model, mapped.models[1:], alignment, photos, images, out, known)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
     unplaced.to_parquet(out / layout.UNPLACED)
     doming = _doming(arrays, alignment, photos)
     metrics = model_metrics(chosen.model, arrays, alignment, photos) | _choices(mapped, chosen)
-    metrics |= {"components": len(mapped.models), "grown_from": grown_from}
+    metrics |= {"components": len(mapped.models), "grown_from": len(earlier.images) if earlier else 0}
     metrics |= {"doming_pct": doming and doming.pct, "doming_sigma_pct": doming and doming.sigma_pct}
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged

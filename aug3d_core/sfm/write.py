@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,17 +48,18 @@ def write_outputs(
     photos: pd.DataFrame,
     images: Path,
     out: Path,
+    known: Mapping[int, Path] | None = None,
 ) -> export.Arrays:
     """Write the model, which is in the world, as arrays, undistorted images, COLMAP files, records and a map.
 
     others: reconstructions of further photographs, each in a frame of its own. images: folder of the photographs' working
-    copies. Returns the arrays that were written.
+    copies. known: undistorted images that exist already, by photo id. Returns the arrays that were written.
     """
     arrays = export.to_arrays(model)
     arrays.views.save(out / layout.VIEWS)
     arrays.points.save(out / layout.POINTS)
     arrays.tracks.save(out / layout.TRACKS)
-    export.write_undistorted(model, images, out / layout.VIEW_IMAGES)
+    export.write_undistorted(model, images, out / layout.VIEW_IMAGES, known or {})
     folders = [layout.COLMAP_MODEL, *(f"{layout.OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
     for each, folder in zip([model, *others], folders, strict=True):
         (out / folder).mkdir(parents=True)
