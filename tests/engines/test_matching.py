@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -16,41 +13,25 @@ import pandas as pd
 import pycolmap
 import pytest
 from engines.little_scene import FOCAL_PX, poses, write_flight
+from engines.sfm_runs import run_stage, take_photos
 from PIL import Image
 
-from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.stage import run as take_in
 from aug3d_core.store import layout
 
 pytestmark = pytest.mark.slow
 
 
-def take_photos(folder: Path, out: Path) -> Path:
-    out.mkdir(parents=True)
-    take_in({"folder": folder}, PhotosConfig(), out, lambda done, total, what: None)
-    return out
-
-
 def run_matching(
     photos: Path, folder: Path, earlier: list[Path] | None = None, cpus: set[int] | None = None, **config: Any
 ) -> dict[str, Any]:
-    """Run the stage in a process of its own, as the factory does; return its outcome, or its error."""
-    folder.mkdir(parents=True)
-    inputs = {"photos": str(photos)}
+    """Run the stage with earlier outputs, newest first; return its outcome."""
+    inputs = {"photos": photos}
     if earlier is not None:
-        inputs[layout.EARLIER] = str(folder / layout.EARLIER)
-        (folder / layout.EARLIER).mkdir()
+        inputs[layout.EARLIER] = folder.with_name(f"{folder.name}_earlier")
+        inputs[layout.EARLIER].mkdir()
         for age, files in enumerate(earlier):
-            (folder / layout.EARLIER / f"{age:02d}").symlink_to(files)
-    (folder / "job.json").write_text(json.dumps({"stage": "matching", "config": config, "inputs": inputs}))
-    subprocess.run(
-        [sys.executable, "-m", "aug3d_core.sfm", str(folder / "job.json")],
-        check=False,
-        preexec_fn=None if cpus is None else lambda: os.sched_setaffinity(0, cpus),
-        timeout=300,
-    )
-    result = folder / "outcome.json" if (folder / "outcome.json").exists() else folder / "error.json"
-    return json.loads(result.read_text())
+            (inputs[layout.EARLIER] / f"{age:02d}").symlink_to(files)
+    return run_stage("matching", folder, inputs, cpus, **config)
 
 
 def files_of(folder: Path) -> Path:
