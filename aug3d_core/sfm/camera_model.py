@@ -3,7 +3,7 @@
 Each candidate is adjusted to nine tenths of the observations of some thousand points and judged by the rest, which it has not
 seen. A few percent less error is no reason for more parameters: on `brighton_beach` a second radial term gains 8 % and bends
 the flight by 1.3 % of its extent (0.15 % without), for it takes up what else moves the rim. A lens that needs the term gains
-far more: at k2 = 0.05 the corners of a photograph are ten pixels off without it.
+far more: with k2 = 0.12 the smaller model's error is 1.7 times that of the larger.
 
 Over flat ground seen from straight above, a longer focal length and a higher flight make the same pictures, and bundle
 adjustment drifts along that valley: on `brighton_beach` by 18 %, and the flight with it from 39 m to 45 m (its own

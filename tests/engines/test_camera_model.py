@@ -1,0 +1,75 @@
+"""The camera model grows with the lens, not with the noise, and EXIF's focal length is kept unless it is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pycolmap
+import pytest
+
+from aug3d_core.geometry.transforms import apply, look_at
+from aug3d_core.sfm.camera_model import choose_camera_model
+from aug3d_core.store import layout
+
+FOCAL_PX = 500.0
+LENSES = {
+    "SIMPLE_RADIAL": [FOCAL_PX, 320, 240, -0.1],
+    "RADIAL": [FOCAL_PX, 320, 240, -0.2, 0.12],
+    "OPENCV": [FOCAL_PX, FOCAL_PX, 320, 240, -0.1, 0.05, 0.01, -0.01],
+}
+
+
+def mapped_with_the_simplest(lens: str) -> pycolmap.Reconstruction:
+    """Return a flight over rough ground through a lens, with noise of 0.4 px, as mapping would hand it over."""
+    rng = np.random.default_rng(0)
+    camera = pycolmap.Camera(model=lens, width=640, height=480, params=LENSES[lens], camera_id=1)
+    points = np.column_stack([rng.uniform(-60, 60, (1500, 2)), rng.uniform(0, 15, 1500)])
+    at = [np.array([x, y, 50.0 + 5 * ((x + y) % 2)]) for x in range(-30, 31, 15) for y in range(-20, 21, 20)]
+    model, tracks = pycolmap.Reconstruction(), [pycolmap.Track() for _ in points]
+    simple = [FOCAL_PX, 320, 240, LENSES[lens][4 if lens == "OPENCV" else 3]]
+    model.add_camera_with_trivial_rig(
+        pycolmap.Camera(model="SIMPLE_RADIAL", width=640, height=480, params=simple, camera_id=1)
+    )
+    for image_id, centre in enumerate(at, 1):
+        pose = look_at(centre, centre * [1, 1, 0] + np.append(rng.uniform(-12, 12, 2), 0))
+        seen = camera.img_from_cam(apply(pose, points)) + rng.normal(size=(len(points), 2)) * 0.4
+        inside = np.flatnonzero(((seen >= 0) & (seen < [640, 480])).all(axis=1))
+        for index, point in enumerate(inside):
+            tracks[point].add_element(image_id, index)
+        image = pycolmap.Image(layout.image_name(image_id - 1), seen[inside], camera_id=1, image_id=image_id)
+        cam_from_world = pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:, :3]), pose[:, 3])
+        model.add_image_with_trivial_frame(image, cam_from_world)
+    for xyz, track in zip(points, tracks, strict=True):
+        if track.length() >= 2:
+            model.add_point3D(xyz, track)
+    return model
+
+
+def photos(model: pycolmap.Reconstruction, focal_px: float) -> pd.DataFrame:
+    return pd.DataFrame({"photo_id": range(model.num_images()), "focal_px": focal_px})
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_the_model_is_as_big_as_the_lens(lens: str) -> None:
+    model = mapped_with_the_simplest(lens)
+    chosen = choose_camera_model(model, photos(model, FOCAL_PX))
+    assert chosen.camera_model == lens
+    assert chosen.focal_from == "exif"
+    assert len(chosen.heldout_px) == 6
+    assert chosen.model.compute_mean_reprojection_error() < 0.8
+
+
+@pytest.mark.parametrize("focal_px", [250.0, 1000.0])
+def test_a_wrong_focal_length_is_freed(focal_px: float) -> None:
+    model = mapped_with_the_simplest("SIMPLE_RADIAL")
+    chosen = choose_camera_model(model, photos(model, focal_px))
+    assert chosen.focal_from == "refined"
+    assert chosen.model.camera(1).focal_length == pytest.approx(FOCAL_PX, rel=0.01)
+    assert chosen.exif_over_refined is not None
+    assert chosen.exif_over_refined > 1.03
+
+
+def test_a_missing_focal_length_is_freed() -> None:
+    model = mapped_with_the_simplest("SIMPLE_RADIAL")
+    chosen = choose_camera_model(model, photos(model, np.nan))
+    assert (chosen.focal_from, chosen.exif_over_refined) == ("refined", None)
