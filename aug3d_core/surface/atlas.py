@@ -15,13 +15,14 @@ from jaxtyping import Bool, Float, Int
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from aug3d_core.surface.raycast import Raycaster
+from aug3d_core.surface.raycast import Hits, Raycaster
 from aug3d_core.surface.shape import Shape, triangle_neighbours, triangle_normals
 
 GUTTER = 2  # texels around a chart, so that sampling between texels takes nothing from the next chart
 SMOOTH_ROUNDS = 3
 LEAST_COSINE = 0.5  # a triangle may join its neighbours' chart if it is seen at least so straight there
 MOST_LAYERS = 4
+RAYS = 2**21  # at a time: bounds memory
 
 
 @dataclass(frozen=True)
@@ -40,19 +41,23 @@ class Atlas:
 
     def raster(self) -> tuple[Int[np.ndarray, "h w"], Float[np.ndarray, "h w 3"]]:
         """Return for each texel's centre the triangle that it lies in (-1: none) and its barycentric weights."""
-        x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
-        return self._at(np.stack([x, y], axis=-1))
+        triangle = np.empty((self.height, self.width), np.int32)
+        weights = np.empty((self.height, self.width, 3), np.float32)
+        caster, band = self._caster(), max(1, RAYS // self.width)
+        for top in range(0, self.height, band):
+            x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(top, min(top + band, self.height)) + 0.5)
+            hits = _look_down(caster, np.stack([x, y], axis=-1))
+            triangle[top : top + band], weights[top : top + band] = hits.triangle, hits.weights
+        return triangle, weights
 
     def covered(self) -> Bool[np.ndarray, " t"]:
         """Tell which triangles lie under another of the texture."""
-        found = self._at(self.xy.mean(axis=1))[0]
+        found = _look_down(self._caster(), self.xy.mean(axis=1)).triangle
         return (found >= 0) & (found != np.arange(len(self.xy)))
 
-    def _at(self, xy: Float[np.ndarray, "*p 2"]) -> tuple[Int[np.ndarray, " *p"], Float[np.ndarray, "*p 3"]]:
+    def _caster(self) -> Raycaster:
         flat = np.concatenate([self.xy, np.zeros((*self.xy.shape[:2], 1))], axis=-1).reshape(-1, 3)
-        caster = Raycaster(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3))
-        hits = caster.cast(np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1), np.array([0.0, 0.0, -1.0]))
-        return hits.triangle, hits.weights
+        return Raycaster(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3))
 
 
 def make_atlas(shape: Shape, texel: float) -> Atlas:
@@ -69,6 +74,10 @@ def make_atlas(shape: Shape, texel: float) -> Atlas:
         layer[covered] += 1
         atlas = _lay_out(shape, frame, facing, layer, pairs, texel)
     return atlas
+
+
+def _look_down(caster: Raycaster, xy: Float[np.ndarray, "*p 2"]) -> Hits:
+    return caster.cast(np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1), np.array([0.0, 0.0, -1.0]))
 
 
 def _frames() -> Float[np.ndarray, "d 3 3"]:

@@ -67,6 +67,7 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
         figures = _figures(train_mesh, baseline, config) | _compare(scene, targets, known, renders)
         pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
     figures |= {f"{name.replace(' ', '_')}_seconds": round(spent, 1) for name, spent in clock.seconds.items()}
+    progress(1, 1, "done")
     notes = _notes(figures)
     return Outcome(metrics=figures, state="degraded" if notes else "ok", notes=notes, pictures=pictures)
 
