@@ -29,8 +29,7 @@ class DepthMap:
 class Confirmed:
     """For each pixel of a depth map: what the others say."""
 
-    looking: UInt8[np.ndarray, "h w"]  # others whose image holds the place
-    agreeing: UInt8[np.ndarray, "h w"]  # those that see it at this depth
+    agreeing: UInt8[np.ndarray, "h w"]  # others that see the place at this depth
     depth: Float32[np.ndarray, "h w"]  # mean of the map's own depth and theirs
 
 
@@ -39,14 +38,12 @@ def confirm(reference: DepthMap, others: list[DepthMap]) -> Confirmed:
     row, column = np.nonzero(reference.depth)
     own = reference.depth[row, column]
     points = reference.camera.rays.astype(np.float32)[row, column] * own[:, None]
-    looking, agreeing, total = np.zeros(len(row), np.uint8), np.zeros(len(row), np.uint8), own.copy()
+    agreeing, total = np.zeros(len(row), np.uint8), own.copy()
     for other in others:
-        inside, confirmed, depth = _seen_back(reference.camera, points, row, column, other)
-        looking[inside] += 1
-        agreeing[inside[confirmed]] += 1
-        total[inside[confirmed]] += depth[confirmed]
+        confirmed, depth = _seen_back(reference.camera, points, row, column, other)
+        agreeing[confirmed] += 1
+        total[confirmed] += depth
     return Confirmed(
-        _filled(reference, row, column, looking),
         _filled(reference, row, column, agreeing),
         _filled(reference, row, column, total / (agreeing + np.float32(1))),
     )
@@ -60,8 +57,8 @@ def _filled(reference: DepthMap, row: np.ndarray, column: np.ndarray, values: np
 
 def _seen_back(
     camera: Camera, points: np.ndarray, row: np.ndarray, column: np.ndarray, other: DepthMap
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the points inside the other image, which of these it confirms, and the depth it gives them here."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which points the other map confirms, and the depth it gives them here."""
     rotation, translation = (part.astype(np.float32) for part in relative_pose(camera, other.camera))
     there = points @ rotation.T + translation
     focal, middle = other.camera.intrinsics[:2].astype(np.float32), other.camera.intrinsics[2:].astype(np.float32)
@@ -77,4 +74,5 @@ def _seen_back(
     offset = back[:, :2] / depth[:, None] * camera.intrinsics[:2] + camera.intrinsics[2:] - 0.5
     off_px = np.hypot(offset[:, 0] - column[inside], offset[:, 1] - row[inside])
     off_depth = np.abs(depth / points[inside, 2] - 1)
-    return inside, (depth_there > 0) & (off_px < MOST_OFF_PX) & (off_depth < MOST_OFF_DEPTH), depth
+    confirmed = (depth_there > 0) & (off_px < MOST_OFF_PX) & (off_depth < MOST_OFF_DEPTH)
+    return inside[confirmed], depth[confirmed]

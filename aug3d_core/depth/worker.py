@@ -28,8 +28,9 @@ from aug3d_core.parent import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 
 LEAST_SCORE = 0.4
-ENOUGH_AGREE = 2  # other depth maps
-FEW_LOOK = 2  # others that look at a place up to which one that agrees is enough: the rim of a flight
+# Other depth maps that agree. Measured on two town photographs: asking for two keeps 54 to 58 % of the facades' pixels, not
+# 70 to 72 %, and lowers what is wrong by over 1 % of depth from 6.4 to 5.2 % of what is kept; fusion averages most of it away.
+ENOUGH_AGREE = 1
 COARSER = (2, 4)  # sizes whose sweeps fill what is left open; together they cost a sixth of the full size
 _CACHED = 32  # images or maps kept in memory: neighbours are needed again soon
 
@@ -86,7 +87,7 @@ def compare_photo(share: _Share, task: PhotoTask) -> float:
     """Write the depth and normal map of what others confirm, and return the share of pixels that is."""
     own = share.raw_depth(task.view)
     found = confirm(own, [share.raw_depth(view) for view in task.others])
-    depth = np.where(found.agreeing >= np.where(found.looking <= FEW_LOOK, 1, ENOUGH_AGREE), found.depth, np.float32(0))
+    depth = np.where(found.agreeing >= ENOUGH_AGREE, found.depth, np.float32(0))
     name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
     depth = without_islands(depth)
     write_map(share.job.workspace / "stereo/depth_maps" / name, depth)
