@@ -83,8 +83,7 @@ def build(
     with clock.step("poisson"):
         raw = reconstruct(evidence)
     with clock.step("trimming"):
-        min_piece = config.min_piece_points * evidence.spacing**2
-        fine = trim(raw, evidence, config.max_gap_spacings * evidence.spacing, min_piece)
+        fine = trim(raw, evidence, config.max_gap_spacings * evidence.spacing, config.min_piece_points)
     if not len(fine.triangles):
         raise _nothing(f"no surface stands through the {len(evidence.xyz)} fused points")
     sampling = ground_sampling(fine, views, chosen)

@@ -39,7 +39,7 @@ class SurfaceConfig(StageConfig):
         description="Widest hole between points to close, as a multiple of their spacing (a low wall); wider ones stay.",
     )
     min_piece_points: int = Field(
-        default=100, ge=0, le=10**9, description="Points' worth of surface (count) that a loose piece must have."
+        default=100, ge=0, le=10**9, description="Fused points (count) that a loose piece of surface must carry."
     )
     photos_per_place: int = Field(
         default=3, ge=1, le=10, description="Photos blended into the colour of a vertex or texel, best first."

@@ -58,23 +58,17 @@ def triangle_neighbours(shape: Shape) -> Int[np.ndarray, "e 2"]:
     return np.stack([order[same], order[same + 1]], axis=1) % len(shape.triangles)
 
 
-def triangle_pieces(shape: Shape) -> Int[np.ndarray, " t"]:
-    """Return for each triangle the number of the connected piece that it belongs to; pieces share no vertex."""
-    pairs = edges(shape)
-    count = len(shape.xyz)
-    graph = sparse.coo_matrix((np.ones(len(pairs), bool), pairs.T), shape=(count, count))
-    return csgraph.connected_components(graph, directed=False)[1][shape.triangles[:, 0]]
-
-
-def drop_small_pieces(shape: Shape, min_area: float) -> Shape:
-    """Drop connected pieces with less than this area (squared world units); the largest stays in any case."""
+def drop_small_pieces(shape: Shape, worth: Float[np.ndarray, " v"], least: float) -> Shape:
+    """Drop connected pieces whose vertices are worth less than this together; the best stays in any case."""
     if not len(shape.triangles):
         return shape
-    piece = triangle_pieces(shape)
-    area = np.bincount(piece, triangle_areas(shape))
-    enough = area >= min_area
-    enough[area.argmax()] = True
-    return shape.keep(enough[piece])
+    pairs, count = edges(shape), len(shape.xyz)
+    graph = sparse.coo_matrix((np.ones(len(pairs), bool), pairs.T), shape=(count, count))
+    piece = csgraph.connected_components(graph, directed=False)[1]
+    total = np.bincount(piece, worth)
+    enough = total >= least
+    enough[total.argmax()] = True
+    return shape.keep(enough[piece[shape.triangles[:, 0]]])
 
 
 def drop_degenerate(shape: Shape) -> Shape:

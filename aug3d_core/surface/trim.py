@@ -12,10 +12,15 @@ from aug3d_core.surface.shape import Shape, drop_small_pieces
 REACH = 2.0  # spacings around a point in which it speaks for the surface
 
 
-def trim(shape: Shape, evidence: Evidence, max_gap: float, min_piece: float) -> Shape:
-    """Cut what no point supports, close holes of up to `max_gap` across, and drop loose pieces below an area."""
-    near = _supported(shape.xyz, evidence, max_gap / 2)[shape.triangles].all(axis=1)
-    return drop_small_pieces(shape.keep(near), min_piece)
+def trim(shape: Shape, evidence: Evidence, max_gap: float, min_points: int) -> Shape:
+    """Cut what no point supports, close holes of up to `max_gap` across, and drop loose pieces of too few points."""
+    kept = shape.keep(_supported(shape.xyz, evidence, max_gap / 2)[shape.triangles].all(axis=1))
+    if not len(kept.triangles):
+        return kept
+    # Points, not area: around a few stray ones Poisson blows a bubble of many triangles
+    distance, vertex = map(np.asarray, KDTree(kept.xyz).query(evidence.xyz))
+    points = np.bincount(vertex[distance <= REACH * evidence.spacing], minlength=len(kept.xyz))
+    return drop_small_pieces(kept, points.astype(float), min_points)
 
 
 def _supported(xyz: Float[np.ndarray, "v 3"], evidence: Evidence, radius: float) -> Bool[np.ndarray, " v"]:

@@ -64,12 +64,12 @@ def test_crumbs_are_dropped_and_the_largest_piece_stays():
     both = Shape(
         np.concatenate([big.xyz, small.xyz + 100]), np.concatenate([big.triangles, small.triangles + len(big.xyz)])
     )
-    area = triangle_areas(small).sum()
-    kept = drop_small_pieces(both, 1.01 * area)
+    worth = np.ones(len(both.xyz))
+    kept = drop_small_pieces(both, worth, len(small.xyz) + 1)
     np.testing.assert_array_equal(kept.xyz, big.xyz)
     np.testing.assert_array_equal(kept.triangles, big.triangles)
-    assert len(drop_small_pieces(both, 1e9).triangles) == len(big.triangles)
-    assert len(drop_small_pieces(both, 0.99 * area).triangles) == len(both.triangles)
+    assert len(drop_small_pieces(both, worth, 1e9).triangles) == len(big.triangles)
+    assert len(drop_small_pieces(both, worth, len(small.xyz)).triangles) == len(both.triangles)
 
 
 def test_neighbours_share_an_edge_and_every_inner_edge_makes_a_pair():
