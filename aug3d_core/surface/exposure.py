@@ -21,10 +21,9 @@ DARK, BRIGHT = 12.0, 243.0  # sRGB levels beyond which noise and clipping hide t
 def exposure_gains(
     point: Int[np.ndarray, " s"], photo: Int[np.ndarray, " s"], rgb: Float[np.ndarray, "s 3"], photos: int
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the factor for each photo's sRGB values, per channel, with geometric mean 1 over all samples.
+    """Return the factor for each photo's sRGB values, per channel, that leaves the mean of all samples as it is.
 
-    Over samples, not photos, so that what most photos show keeps its brightness. Sample s is the colour (0 to 255) that
-    `photo[s]` shows of place `point[s]`. A photo without usable samples gets 1.
+    Sample s is the colour (0 to 255) that `photo[s]` shows of place `point[s]`. A photo without usable samples gets 1.
     """
     return np.stack([_channel_gains(point, photo, rgb[:, channel], photos) for channel in range(3)], axis=1)
 
@@ -42,8 +41,10 @@ def _channel_gains(point: np.ndarray, photo: np.ndarray, level: np.ndarray, phot
         residual = evened - (np.bincount(point, weight * evened) / np.bincount(point, weight))[point]
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-3)
         weight = 1 / (1 + (residual / scale) ** 2)
-    seen = np.bincount(photo, minlength=photos)
-    return np.where(seen > 0, np.exp(log_gain - np.average(log_gain, weights=seen)), 1.0)
+    gain = np.exp(log_gain)
+    # The mean of levels, not of logarithms: that would make a scene as dark as its many dark photos
+    gain *= level[usable].mean() / (level[usable] * gain[photo]).mean()
+    return np.where(np.bincount(photo, minlength=photos) > 0, gain, 1.0)
 
 
 def _solve(point: np.ndarray, photo: np.ndarray, value: np.ndarray, weight: np.ndarray, photos: int) -> np.ndarray:
