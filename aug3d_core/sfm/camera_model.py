@@ -58,6 +58,10 @@ def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) ->
     known = len(priors) == len(_used_cameras(model))
     trial = _thinned(model)
     held_out = _hold_out(trial)
+    if not held_out:  # nothing is seen three times, so nothing can be told
+        final = _adjusted(model, SIMPLEST, priors if known else {})
+        final.update_point_3d_errors()
+        return Chosen(final, SIMPLEST, EXIF if known else REFINED, {})
     heldout_px = {}
     for focal_from in (EXIF, REFINED) if known else (REFINED,):
         for name in _MODELS:

@@ -32,7 +32,7 @@ def mapped_with_the_simplest(lens: str) -> pycolmap.Reconstruction:
     )
     for image_id, centre in enumerate(at, 1):
         pose = look_at(centre, centre * [1, 1, 0] + np.append(rng.uniform(-12, 12, 2), 0))
-        seen = camera.img_from_cam(apply(pose, points)) + rng.normal(size=(len(points), 2)) * 0.4
+        seen = np.asarray(camera.img_from_cam(apply(pose, points))) + rng.normal(size=(len(points), 2)) * 0.4
         inside = np.flatnonzero(((seen >= 0) & (seen < [640, 480])).all(axis=1))
         for index, point in enumerate(inside):
             tracks[point].add_element(image_id, index)
@@ -73,3 +73,13 @@ def test_a_missing_focal_length_is_freed() -> None:
     model = mapped_with_the_simplest("SIMPLE_RADIAL")
     chosen = choose_camera_model(model, photos(model, np.nan))
     assert (chosen.focal_from, chosen.exif_over_refined) == ("refined", None)
+
+
+def test_points_seen_twice_tell_nothing() -> None:
+    model = mapped_with_the_simplest("SIMPLE_RADIAL")
+    for point_id in list(model.point3D_ids()):
+        if model.point3D(point_id).track.length() > 2:
+            model.delete_point3D(point_id)
+    chosen = choose_camera_model(model, photos(model, FOCAL_PX))
+    assert (chosen.camera_model, chosen.focal_from) == ("SIMPLE_RADIAL", "exif")
+    assert chosen.exif_over_refined is None

@@ -14,6 +14,7 @@ from engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
 
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
+from aug3d_core.sfm.mapping import choose_mapper
 
 pytestmark = pytest.mark.slow
 
@@ -65,6 +66,13 @@ def test_an_earlier_model_of_other_photographs_is_not_used(flown: Path, tmp_path
     (tmp_path / "earlier" / "00" / "components.json").write_text(json.dumps(record))
     outcome = run_sfm(flown / "photos", tmp_path / "sfm", earlier=tmp_path / "earlier")
     assert outcome["metrics"]["grown_from"] == 0
+
+
+def test_auto_maps_many_photographs_another_way() -> None:
+    assert choose_mapper("auto", 250, focal_known=False)[0] == "incremental"
+    assert choose_mapper("auto", 251, focal_known=True)[0] == "global"
+    assert choose_mapper("auto", 251, focal_known=False)[0] == "hierarchical"
+    assert choose_mapper("global", 3, focal_known=False) == ("global", "asked for")
 
 
 @pytest.mark.parametrize("mapper", ["global", "hierarchical"])

@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from engines.little_scene import poses, write_flight
 from engines.sfm_runs import run_sfm, take_photos
 from PIL import Image
 
+from aug3d_core.errors import InputError
 from aug3d_core.geometry.transforms import look_at
+from aug3d_core.sfm.refusal import nothing_found, refuse_short_baseline
 
 pytestmark = pytest.mark.slow
 
@@ -51,3 +54,17 @@ def test_photographs_of_nothing_in_common_do_not_overlap(tmp_path: Path) -> None
     error = run_sfm(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "sfm")
     assert "4 of them overlap with fewer than two others" in error["problem"]
     assert "overlap by 60 %" in error["remedy"]
+
+
+def test_cameras_too_close_together_are_refused() -> None:
+    at = np.random.default_rng(0).normal(size=(20, 3))
+    refuse_short_baseline(at, median_depth=30.0)
+    with pytest.raises(InputError, match="taken from one spot") as error:
+        refuse_short_baseline(at, median_depth=60.0)
+    assert "camera moved" in error.value.remedy
+
+
+def test_overlap_that_fits_no_rigid_scene_is_said_to() -> None:
+    error = nothing_found(pd.DataFrame({"features": [3000] * 9, "matched_pairs": [8] * 9}))
+    assert "does not fit together as one rigid scene" in error.problem
+    assert "taken from places apart" in error.remedy
