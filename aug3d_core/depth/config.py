@@ -19,6 +19,14 @@ class DepthConfig(StageConfig):
     max_px: int = Field(
         default=512, ge=64, le=8192, description="Width (px) of the depth maps at most; never more than the photo's."
     )
+    # Measured on the town against exact depth: 2 px finds as much as 1 px in half the time (77.8 against 78.0 % of the pixels
+    # within 0.5 %); 3 px loses 1.4 points and the parabola half of its precision.
+    plane_step_px: float = Field(
+        default=2.0,
+        gt=0,
+        le=20,
+        description="Most that a source pixel moves (px) from one plane of the sweep to the next; sets their number.",
+    )
     sources: int = Field(default=6, ge=1, le=20, description="Photographs that each one is compared with.")
 
 

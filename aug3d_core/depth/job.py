@@ -27,4 +27,5 @@ class DepthJob(Frozen):
     raw: Path
     workspace: Path
     max_px: int
+    plane_step_px: float
     tasks: tuple[PhotoTask, ...]

@@ -33,14 +33,14 @@ class Range(NamedTuple):
     farthest: float
 
 
-def ranges_for(reference: Photo, sources: list[Photo], task: PhotoTask) -> list[Range]:
+def ranges_for(reference: Photo, sources: list[Photo], task: PhotoTask, step_px: float) -> list[Range]:
     """Return the range of horizontal planes, and for a photograph that looks aside also of planes that face it.
 
     A camera that is no higher than what it sees looks down on nothing: for it only planes that face it are left.
     """
     camera = reference.camera
     down = horizontal_normal(camera)
-    lowest, highest = _slab(reference, sources, task)
+    lowest, highest = _slab(reference, sources, task, step_px)
     height = _height(camera)
     ranges = [Range(down, height - highest, height - lowest)] if lowest < highest else []
     if not ranges or np.degrees(np.arccos(np.clip(down[2], -1, 1))) > _OBLIQUE_DEG:
@@ -48,12 +48,12 @@ def ranges_for(reference: Photo, sources: list[Photo], task: PhotoTask) -> list[
     return ranges
 
 
-def families_for(reference: Camera, sources: list[Camera], ranges: list[Range]) -> list[Family]:
+def families_for(reference: Camera, sources: list[Camera], ranges: list[Range], step_px: float) -> list[Family]:
     """Return the planes of each range, as many as cameras of this size can tell apart."""
-    return [make_family(reference, sources, *each) for each in ranges]
+    return [make_family(reference, sources, *each, step_px) for each in ranges]
 
 
-def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[float, float]:
+def _slab(reference: Photo, sources: list[Photo], task: PhotoTask, step_px: float) -> tuple[float, float]:
     """Return lowest and highest height: the sparse points' range, and what a sweep at a quarter of the size adds to it."""
     lowest, highest = task.height
     height = _height(reference.camera)
@@ -63,7 +63,8 @@ def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[floa
         return lowest, highest
     small, others = reduced(reference, _QUARTER), [reduced(source, _QUARTER) for source in sources]
     cameras = [other.camera for other in others]
-    planes = make_family(small.camera, cameras, horizontal_normal(small.camera), height - ceiling, height - floor)
+    down = horizontal_normal(small.camera)
+    planes = make_family(small.camera, cameras, down, height - ceiling, height - floor, step_px)
     margin = _MARGIN * above / float(small.camera.intrinsics[0])
     found = sweep(small, others, [planes])
     alike = np.abs(cv2.medianBlur(found.depth, 5) - found.depth) < margin  # chance finds stand alone
@@ -71,7 +72,7 @@ def _slab(reference: Photo, sources: list[Photo], task: PhotoTask) -> tuple[floa
     if not certain.any():
         return lowest, highest
     points = small.camera.rays[certain] * found.depth[certain, None]
-    heights = height - points @ horizontal_normal(small.camera)
+    heights = height - points @ down
     low, high = np.percentile(heights, [_OUTLIERS_PCT, 100 - _OUTLIERS_PCT])
     return min(lowest, float(low) - margin), max(highest, float(high) + margin)
 

@@ -23,7 +23,6 @@ from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.maps import read_map
 from aug3d_core.depth.patch_match import choose_engine, patch_match
 from aug3d_core.depth.picture import draw_sheet
-from aug3d_core.depth.planes import MOST_SHIFT_PX
 from aug3d_core.depth.ranges import depth_and_height_ranges
 from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, write_patch_match_list, write_workspace
@@ -70,7 +69,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
             for view in usable
             for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
         ]
-        planes = _sweep(tasks, inputs["sfm"], workspace, config.max_px, progress)
+        planes = _sweep(tasks, inputs["sfm"], workspace, config, progress)
     seconds = time.monotonic() - started
     fused = fuse(workspace, views, [view for view in usable if train[view]])
     fused.save(out / layout.FUSED)
@@ -92,7 +91,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     if planes:
         metrics |= {
             "planes_median": int(np.median(planes)),
-            "planes_reason": f"adjacent planes move a source pixel by {MOST_SHIFT_PX:g} px at most",
+            "planes_reason": f"adjacent planes move a source pixel by {config.plane_step_px:g} px at most",
         }
     notes = _notes(views, sources, share, len(fused.xyz))
     return Outcome(
@@ -113,7 +112,7 @@ def _roles(grouping: Path, count: int) -> tuple[Bool[np.ndarray, " n"], Bool[np.
     return train, given
 
 
-def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, max_px: int, progress: Progress) -> list[float]:
+def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[float]:
     """Sweep all photographs, then compare their maps; return the planes tried for each."""
     done = 0
 
@@ -129,7 +128,8 @@ def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, max_px: int, prog
             images=sfm / layout.VIEW_IMAGES,
             raw=Path(raw),
             workspace=workspace,
-            max_px=max_px,
+            max_px=config.max_px,
+            plane_step_px=config.plane_step_px,
             tasks=(),
         )
         shares = [tuple(tasks[i::WORKERS]) for i in range(WORKERS)]

@@ -66,18 +66,19 @@ class _Share:
 def sweep_photo(share: _Share, task: PhotoTask) -> int:
     """Write the raw depth map of one photograph and return the number of planes tried."""
     reference, sources = share.photo(task.view), [share.photo(view) for view in task.sources]
-    ranges = ranges_for(reference, sources, task)
-    depth, planes = _certain(reference, sources, ranges)
+    step_px = share.job.plane_step_px
+    ranges = ranges_for(reference, sources, task, step_px)
+    depth, planes = _certain(reference, sources, ranges, step_px)
     for by in COARSER:
-        coarse, _ = _certain(reduced(reference, by), [reduced(source, by) for source in sources], ranges)
+        coarse, _ = _certain(reduced(reference, by), [reduced(source, by) for source in sources], ranges, step_px)
         depth = filled(depth, coarse)
     write_map(share.raw_path(task.view), depth)
     return planes
 
 
-def _certain(reference: Photo, sources: list[Photo], ranges: list[Range]) -> tuple[np.ndarray, int]:
+def _certain(reference: Photo, sources: list[Photo], ranges: list[Range], step_px: float) -> tuple[np.ndarray, int]:
     """Return the depth that is certain and hangs together, and the number of planes tried."""
-    families = families_for(reference.camera, [source.camera for source in sources], ranges)
+    families = families_for(reference.camera, [source.camera for source in sources], ranges, step_px)
     found = sweep(reference, sources, families)
     depth = np.where(found.score > LEAST_SCORE, found.depth, np.float32(0))
     return without_islands(depth), sum(len(family.inverse_distance) for family in families)

@@ -12,11 +12,14 @@ import hashlib
 import importlib.util
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from aug3d_core.stage import Stage, StageConfig
+
+_GPU_BUILDS = {"pycolmap": ("pycolmap-cuda12",)}
 
 
 def object_key(stage: Stage, config: StageConfig, input_digests: Mapping[str, str]) -> str:
@@ -41,8 +44,20 @@ def _hashed(parts: dict[str, object]) -> str:
 
 
 def engine_versions(stage: Stage) -> dict[str, str]:
-    """Return the installed version of each engine that the stage runs on; numpy is one of every stage's."""
-    return {engine: version(engine) for engine in ("numpy", *stage.engines)}
+    """Return the installed version of each engine that the stage runs on; numpy is one of every stage's.
+
+    A build for GPUs may come as a distribution of its own; it counts as another engine, since it may do other work.
+    """
+    return {build: version(build) for build in map(_installed_build, ("numpy", *stage.engines))}
+
+
+def _installed_build(engine: str) -> str:
+    """Return the distribution that provides an engine: its GPU build where that is installed."""
+    for build in _GPU_BUILDS.get(engine, ()):
+        with suppress(PackageNotFoundError):
+            version(build)
+            return build
+    return engine
 
 
 @lru_cache

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from aug3d_core.depth.cameras import Camera, relative_pose
-from aug3d_core.depth.planes import MOST_SHIFT_PX, horizontal_normal, make_family
+from aug3d_core.depth.planes import horizontal_normal, make_family
 from aug3d_core.geometry.transforms import look_at
+
+STEP_PX = 2.0
 
 
 def camera(east: float, height: float = 40.0, size: int = 1, tilt: float = 0.0) -> Camera:
@@ -24,17 +26,17 @@ def positions_px(reference: Camera, source: Camera, normal: np.ndarray, inverse:
 @pytest.mark.parametrize("size", [1, 4])
 def test_adjacent_planes_move_a_source_pixel_by_at_most_the_bound(size: int) -> None:
     reference, source = camera(0, size=size), camera(15, size=size)
-    family = make_family(reference, [source], horizontal_normal(reference), 20.0, 45.0)
+    family = make_family(reference, [source], horizontal_normal(reference), 20.0, 45.0, STEP_PX)
     shifts = np.linalg.norm(
         np.diff(positions_px(reference, source, family.normal, family.inverse_distance), axis=0), axis=1
     )
-    assert shifts.max() <= MOST_SHIFT_PX + 1e-6
-    assert shifts.max() > 0.8 * MOST_SHIFT_PX, "no more planes than the bound asks for"
+    assert shifts.max() <= STEP_PX + 1e-6
+    assert shifts.max() > 0.8 * STEP_PX, "no more planes than the bound asks for"
 
 
 def test_horizontal_planes_lie_level_however_the_camera_leans() -> None:
     reference = camera(0, tilt=20.0)
-    family = make_family(reference, [camera(10, tilt=20.0)], horizontal_normal(reference), 30.0, 45.0)
+    family = make_family(reference, [camera(10, tilt=20.0)], horizontal_normal(reference), 30.0, 45.0, STEP_PX)
     distance = 1 / family.inverse_distance[0]
     depth = distance / (reference.rays @ family.normal)
     points = (reference.rays * depth[..., None] - reference.cam_from_world[:, 3]) @ reference.cam_from_world[:, :3]
@@ -43,5 +45,5 @@ def test_horizontal_planes_lie_level_however_the_camera_leans() -> None:
 
 def test_the_range_is_covered_from_end_to_end() -> None:
     reference = camera(0)
-    family = make_family(reference, [camera(10)], np.array([0.0, 0.0, 1.0]), 30.0, 45.0)
+    family = make_family(reference, [camera(10)], np.array([0.0, 0.0, 1.0]), 30.0, 45.0, STEP_PX)
     np.testing.assert_allclose(1 / family.inverse_distance[[0, -1]], [45.0, 30.0])

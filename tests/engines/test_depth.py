@@ -228,6 +228,7 @@ def test_a_worker_that_dies_says_its_last_words(inputs: Inputs, tmp_path: Path) 
         raw=tmp_path,
         workspace=tmp_path,
         max_px=96,
+        plane_step_px=2.0,
         tasks=(),
     )
     with pytest.raises(WorkerDied, match=r"missing\.npz"):

@@ -73,8 +73,8 @@ def planes_of(target, height, slab):
         pose = look_at(np.array([x, 0, height]), np.array([x, *target]))
         camera = Camera(pose, np.array([50.0, 50.0, 32.0, 24.0]), 64, 48)
         photos.append(Photo(np.random.default_rng(0).integers(1, 255, (48, 64)).astype(np.uint8), camera))
-    ranges = ranges_for(photos[0], photos[1:], task)
-    families_for(photos[0].camera, [photos[1].camera], ranges)
+    ranges = ranges_for(photos[0], photos[1:], task, 2.0)
+    families_for(photos[0].camera, [photos[1].camera], ranges, 2.0)
     world = photos[0].camera.cam_from_world[:, :3]
     return [tuple(np.round(world.T @ each.normal, 6) + 0.0) for each in ranges]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,20 @@ def test_key_changes_with_config_inputs_and_engine(stage, monkeypatch: pytest.Mo
     assert len({first, key(stage, "raise", a="1"), key(stage, a="2"), key(stage, b="1")}) == 4
     monkeypatch.setattr(keys, "version", lambda engine: "99")
     assert key(stage, a="1") != first
+
+
+def test_a_build_for_gpus_is_another_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sfm = stages.STAGES["sfm"]
+    monkeypatch.setattr(keys, "version", lambda engine: "1")
+    assert "pycolmap-cuda12" in keys.engine_versions(sfm) and "pycolmap" not in keys.engine_versions(sfm)
+
+    def without_gpu_build(engine: str) -> str:
+        if engine == "pycolmap-cuda12":
+            raise PackageNotFoundError(engine)
+        return "1"
+
+    monkeypatch.setattr(keys, "version", without_gpu_build)
+    assert "pycolmap" in keys.engine_versions(sfm) and "pycolmap-cuda12" not in keys.engine_versions(sfm)
 
 
 def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> None:
