@@ -64,8 +64,8 @@ class Stage:
     accuracy: the metric that says how well the stage did, shown in every table.
     resumable: keep a killed run's partial files and hand them to the next try.
     grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`
-        is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work, never to
-        get another answer.
+        is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work. Where the
+        answer then differs from a fresh one, within the accuracy of the stage, a metric says what it grew from.
     limit_s, limit_mib: time and memory at which the stage's process group is killed.
     """
 

@@ -51,6 +51,7 @@ def bench_geometry(
         say = _saying(status)
         figures = geometry.town_figures(store, preset, say)
         figures |= geometry.pairs_speedup(store, preset, say, photos)
+        figures |= geometry.pose_spread(store, preset, say) | geometry.growth(store, preset, say)
         points = []
         if sweep:
             for point in geometry.sweep(store, preset, say):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,10 @@ from pathlib import Path
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
 from aug3d_core.bench.front import Point
 from aug3d_core.bench.trial import Say, Trial, run_trial
+from aug3d_core.geometry.views import Views
 from aug3d_core.scene_config import scene_config
+from aug3d_core.sfm.spread import spread_pct
+from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 
 POSES, MESH = ("matching", "sfm"), ("depth", "surface")
@@ -80,6 +84,42 @@ def pairs_speedup(store: Store, preset: str, say: Say, photos: Path | None) -> d
     return {
         "pairs_speedup_over_exhaustive": at_least(3.0, full_seconds / seconds, "ratio"),
         "pairs_registered_over_exhaustive": at_least(1.0, registered / full_registered, "ratio"),
+    }
+
+
+def pose_spread(store: Store, preset: str, say: Say) -> dict[str, Figure]:
+    """Return how far the town's cameras are apart over seeds, and between incremental and global mapping."""
+    ways = {"seeds": ("sfm.seed=0", "sfm.seed=1", "sfm.seed=2"), "mappers": ("sfm.seed=0", "sfm.mapper=global")}
+    figures = {}
+    for name, overrides in ways.items():
+        trials = [run_trial(store, "sfm", preset, (override,), say) for override in overrides]
+        runs = [Views.load(store.files_dir(t.records["sfm"]) / layout.VIEWS) for t in trials if "sfm" in t.records]
+        value = spread_pct(runs) if len(runs) == len(trials) else None
+        figures[f"town_pose_spread_{name}_pct"] = Figure(value, "% of extent")
+    return figures
+
+
+def growth(store: Store, preset: str, say: Say) -> dict[str, Figure]:
+    """Return what it costs to add every tenth photograph of the town to the others, over starting anew."""
+    fresh = run_trial(store, "sfm", preset, (), say)
+    photos = sorted((store.files_dir(fresh.records["town"]) / layout.TOWN_PHOTOS).iterdir())
+    aside = Store(store.root / "growth")  # where no reconstruction of all photographs is known yet
+    folder = aside.root / "photos"
+    folder.mkdir(exist_ok=True)
+    for number, photo in enumerate(photos):
+        if number % 10:
+            shutil.copy(photo, folder)
+    run_trial(aside, "sfm", preset, (), say, folder)
+    for photo in photos:
+        shutil.copy(photo, folder)
+    grown = run_trial(aside, "sfm", preset, (), say, folder)
+    if "sfm" not in grown.records or "sfm" not in fresh.records:
+        return {"growth_cost_share": Figure(None, "share", 0.25, False, grown.failure or fresh.failure)}
+    return {
+        "growth_cost_share": at_most(0.25, grown.seconds(POSES) / fresh.seconds(POSES), "share"),
+        "growth_registered_share": at_least(
+            1.0, float(len(Views.load(aside.files_dir(grown.records["sfm"]) / layout.VIEWS)) / len(photos)), "share"
+        ),
     }
 
 
