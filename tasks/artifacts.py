@@ -27,14 +27,19 @@ def publish(store: Store, made: Made) -> None:
         *({"what": name, "value": value} for name, value in record.metrics.items()),
     ]
     create_table_artifact(
-        key=f"{record.stage}-figures", table=rows, description="\n\n".join(record.notes) or record.stage
+        key=artifact_key(record.stage, "figures"), table=rows, description="\n\n".join(record.notes) or record.stage
     )
     if record.pictures:
         sections = [
             f"### {caption}\n\n![{caption}]({_embedded(store.files_dir(record) / path)})"
             for caption, path in record.pictures.items()
         ]
-        create_markdown_artifact(key=f"{record.stage}-pictures", markdown="\n\n".join(sections))
+        create_markdown_artifact(key=artifact_key(record.stage, "pictures"), markdown="\n\n".join(sections))
+
+
+def artifact_key(stage: str, what: str) -> str:
+    """Return a key that Prefect takes: lower-case letters, digits and dashes, no underscore."""
+    return f"{stage}-{what}".replace("_", "-")
 
 
 def publish_links(metrics: dict[str, Any]) -> None:
