@@ -14,6 +14,7 @@ from rich.table import Table
 
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store, write_synced
+from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
     from aug3d_core.bench.figure import Figure
@@ -35,6 +36,12 @@ def bench_geometry(
     sweep: Annotated[
         bool, typer.Option("--sweep", help="Also chart time against accuracy, setting by setting (about an hour).")
     ] = False,
+    set_: Annotated[
+        list[str],
+        typer.Option(
+            "--set", metavar="STAGE.FIELD=VALUE", help="Measure with this setting changed, e.g. a smaller town."
+        ),
+    ] = [],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
 ) -> None:
     """Poses, depth and mesh of the built-in town against its exact truth.
@@ -43,38 +50,46 @@ def bench_geometry(
     """
     from aug3d_core.bench import front, geometry  # charts are slow to import, and no other command needs them
     from aug3d_core.bench.machine import describe_machine
+    from aug3d_core.bench.trial import Measured
 
-    console = Console(stderr=True)
-    unfinished = home / layout.BENCH / "geometry"
-    store = Store(unfinished)
-    with console.status("") as status:
-        say = _saying(status)
-        figures = geometry.town_figures(store, preset, say)
-        figures |= geometry.pairs_speedup(store, preset, say, photos)
-        figures |= geometry.pose_spread(store, preset, say) | geometry.growth(store, preset, say)
-        points = []
-        if sweep:
-            for point in geometry.sweep(store, preset, say):
-                points.append(point)
-                console.print(_told(point), style="dim", highlight=False)
-    told = {
-        "name": "geometry",
-        "machine": describe_machine(),
-        "preset": preset,
-        "pairs_measured_on": photos.name if photos else "town, its GPS not used",
-        "figures": {name: vars(figure) for name, figure in figures.items()},
-    }
-    kept = home / layout.BENCH / f"geometry-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
-    kept.mkdir(parents=True)
-    write_synced(kept / layout.BENCH_FIGURES, json.dumps(told, indent=1).encode())
-    if points:
-        front.table(points).to_parquet(kept / layout.BENCH_POINTS)
-        front.draw(
-            points, geometry.LOWER_IS_BETTER, f"town, preset {preset}; {told['machine']}", kept / layout.BENCH_CHART
-        )
-    shutil.rmtree(unfinished)
-    _print(told, figures, kept, as_json)
-    raise typer.Exit(0 if all(figure.value is not None for figure in figures.values()) else 1)
+    with typed_errors(as_json):
+        console = Console(stderr=True)
+        scene = Measured(preset, tuple(set_))
+        scene.config()  # a wrong setting is told before anything is measured
+        unfinished = home / layout.BENCH / "geometry"
+        store = Store(unfinished)
+        with console.status("") as status:
+            say = _saying(status)
+            figures = geometry.town_figures(store, scene, say)
+            figures |= geometry.pairs_speedup(store, scene, say, photos)
+            figures |= geometry.pose_spread(store, scene, say) | geometry.growth(store, scene, say)
+            points = []
+            if sweep:
+                for point in geometry.sweep(store, scene, say):
+                    points.append(point)
+                    console.print(_told(point), style="dim", highlight=False)
+        told = {
+            "name": "geometry",
+            "machine": describe_machine(),
+            "preset": preset,
+            "settings": list(set_),
+            "pairs_measured_on": photos.name if photos else "town, its GPS not used",
+            "figures": {name: vars(figure) for name, figure in figures.items()},
+        }
+        kept = home / layout.BENCH / f"geometry-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
+        kept.mkdir(parents=True)
+        write_synced(kept / layout.BENCH_FIGURES, json.dumps(told, indent=1).encode())
+        if points:
+            front.table(points).to_parquet(kept / layout.BENCH_POINTS)
+            front.draw(
+                points,
+                geometry.LOWER_IS_BETTER,
+                " ".join(["town, preset", preset, *set_, "\n", told["machine"]]),
+                kept / layout.BENCH_CHART,
+            )
+        shutil.rmtree(unfinished)
+        _print(told, figures, kept, as_json)
+        raise typer.Exit(0 if all(figure.value is not None for figure in figures.values()) else 1)
 
 
 def _saying(status: Any) -> Say:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from aug3d_core.doctor import examine
-from aug3d_core.errors import Aug3dError, StageFailed, UsageError
+from aug3d_core.errors import UsageError
 from aug3d_core.formats.recognise import COLMAP, NERFSTUDIO
 from aug3d_core.make import Material
 from aug3d_core.scene_config import PRESETS, SceneConfig, scene_config
@@ -26,6 +23,7 @@ from aug3d_core.store.store import Store
 from flows.bench import bench
 from flows.plan import planned
 from flows.preflight import check_servers
+from flows.refusal import typed_errors
 from flows.server import prefect_server
 from flows.settings import apply_local_environment
 from flows.summary import print_summary, program
@@ -58,7 +56,7 @@ def demo(
     home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False, dry_run: DryRun = False
 ) -> None:
     """Run the whole factory on the built-in town: minutes on 2 cores. A second time nothing is computed again."""
-    with _typed_errors(as_json):
+    with typed_errors(as_json):
         _run("demo", Material(), home, preset, set_, as_json, dry_run)
 
 
@@ -82,7 +80,7 @@ def run(
 
     Killed half way? Run the same command again: finished stages are not computed twice.
     """
-    with _typed_errors(as_json):
+    with typed_errors(as_json):
         check_scene_name(scene)
         if not photos.is_dir():
             what = "is a file, not a folder" if photos.exists() else "does not exist"
@@ -96,7 +94,7 @@ def show(
     scene: Annotated[str, typer.Argument(help="Name of the scene.")], home: Home = DEFAULT_HOME, as_json: AsJson = False
 ) -> None:
     """Show what exists of a scene, what it cost, how good it is, and where the report is."""
-    with _typed_errors(as_json):
+    with typed_errors(as_json):
         metrics = last_version(Store(home), scene)
         if as_json:
             print(json.dumps(metrics, indent=1))
@@ -116,7 +114,7 @@ def export_scene(
     """Write a scene's poses, points and undistorted photographs for other tools."""
     from aug3d_core.formats.export import IMAGES, export  # with scipy and pandas, which other commands do without
 
-    with _typed_errors(as_json):
+    with typed_errors(as_json):
         objects = last_version(Store(home), scene)["paths"]["objects"]
         if "sfm" not in objects:
             raise UsageError(
@@ -219,32 +217,6 @@ def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
     else:
         print(f"\nnext  ns-train splatfacto --data {folder}")
     print(f"      {program('aug3d')} run my_scene --photos {images} --poses {folder}   (back into aug3d)")
-
-
-@contextmanager
-def _typed_errors(as_json: bool) -> Iterator[None]:
-    """Print an error that people can act on, and leave with the exit code that programs read."""
-    try:
-        yield
-    except Aug3dError as error:
-        if as_json:
-            print(json.dumps({"state": "refused", "failure": {"problem": error.problem, "remedy": error.remedy}}))
-        else:
-            _print_error(error)
-        raise typer.Exit(2 if isinstance(error, UsageError) else 1) from error
-    except KeyboardInterrupt:
-        print("stopped; run the same command again to go on where it was", file=sys.stderr)
-        raise typer.Exit(130) from None
-
-
-def _print_error(error: Aug3dError) -> None:
-    console = Console(stderr=True)
-    if isinstance(error, StageFailed) and error.cause != "refused":  # a refusal says all there is to say
-        console.print(f"[dim]{escape(error.log_tail)}[/]", highlight=False)
-    console.print(f"[bold red]error[/] {escape(error.problem)}", highlight=False, soft_wrap=True)
-    console.print(f"  -> {escape(error.remedy)}", highlight=False, soft_wrap=True)
-    if isinstance(error, StageFailed) and error.replay:
-        console.print(f"  replay: {escape(error.replay)}", highlight=False, soft_wrap=True)
 
 
 def main() -> None:

@@ -9,9 +9,8 @@ from pathlib import Path
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
 from aug3d_core.bench.front import Point
-from aug3d_core.bench.trial import Say, Trial, run_trial
+from aug3d_core.bench.trial import Measured, Say, Trial, run_trial
 from aug3d_core.geometry.views import Views
-from aug3d_core.scene_config import scene_config
 from aug3d_core.sfm.spread import spread_pct
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
@@ -49,9 +48,9 @@ SETTINGS = (
 )
 
 
-def town_figures(store: Store, preset: str, say: Say) -> dict[str, Figure]:
+def town_figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return how far the town's poses, depth and mesh are from its truth."""
-    trial = run_trial(store, "mesh_truth", preset, (), say)
+    trial = run_trial(store, "mesh_truth", scene, (), say)
     if trial.failure:
         return {"town": Figure(None, "", None, None, trial.failure)}
     stages = [name for name in trial.records if name != "town"]
@@ -69,13 +68,13 @@ def town_figures(store: Store, preset: str, say: Say) -> dict[str, Figure]:
     }
 
 
-def pairs_speedup(store: Store, preset: str, say: Say, photos: Path | None) -> dict[str, Figure]:
+def pairs_speedup(store: Store, scene: Measured, say: Say, photos: Path | None) -> dict[str, Figure]:
     """Return how much faster chosen pairs are than all pairs, at the same settings, and that no photograph is lost.
 
     Only the comparing counts (with the choosing); both need the same features. One run each.
     """
     chosen, full = (
-        run_trial(store, "sfm", preset, (f"matching.pairs={way}",), say, photos) for way in ("coarse", "exhaustive")
+        run_trial(store, "sfm", scene, (f"matching.pairs={way}",), say, photos) for way in ("coarse", "exhaustive")
     )
     seconds, full_seconds = (told(trial, "matching", "match_seconds") for trial in (chosen, full))
     registered, full_registered = (told(trial, "sfm", "registered") for trial in (chosen, full))
@@ -87,21 +86,21 @@ def pairs_speedup(store: Store, preset: str, say: Say, photos: Path | None) -> d
     }
 
 
-def pose_spread(store: Store, preset: str, say: Say) -> dict[str, Figure]:
+def pose_spread(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return how far the town's cameras are apart over seeds, and between incremental and global mapping."""
     ways = {"seeds": ("sfm.seed=0", "sfm.seed=1", "sfm.seed=2"), "mappers": ("sfm.seed=0", "sfm.mapper=global")}
     figures = {}
     for name, overrides in ways.items():
-        trials = [run_trial(store, "sfm", preset, (override,), say) for override in overrides]
+        trials = [run_trial(store, "sfm", scene, (override,), say) for override in overrides]
         runs = [Views.load(store.files_dir(t.records["sfm"]) / layout.VIEWS) for t in trials if "sfm" in t.records]
         value = spread_pct(runs) if len(runs) == len(trials) else None
         figures[f"town_pose_spread_{name}_pct"] = Figure(value, "% of extent")
     return figures
 
 
-def growth(store: Store, preset: str, say: Say) -> dict[str, Figure]:
+def growth(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return what it costs to add every tenth photograph of the town to the others, over starting anew."""
-    fresh = run_trial(store, "sfm", preset, (), say)
+    fresh = run_trial(store, "sfm", scene, (), say)
     photos = sorted((store.files_dir(fresh.records["town"]) / layout.TOWN_PHOTOS).iterdir())
     aside = Store(store.root / "growth")  # where no reconstruction of all photographs is known yet
     folder = aside.root / "photos"
@@ -109,10 +108,10 @@ def growth(store: Store, preset: str, say: Say) -> dict[str, Figure]:
     for number, photo in enumerate(photos):
         if number % 10:
             shutil.copy(photo, folder)
-    run_trial(aside, "sfm", preset, (), say, folder)
+    run_trial(aside, "sfm", scene, (), say, folder)
     for photo in photos:
         shutil.copy(photo, folder)
-    grown = run_trial(aside, "sfm", preset, (), say, folder)
+    grown = run_trial(aside, "sfm", scene, (), say, folder)
     if "sfm" not in grown.records or "sfm" not in fresh.records:
         return {"growth_cost_share": Figure(None, "share", 0.25, False, grown.failure or fresh.failure)}
     return {
@@ -123,13 +122,13 @@ def growth(store: Store, preset: str, say: Say) -> dict[str, Figure]:
     }
 
 
-def sweep(store: Store, preset: str, say: Say) -> Iterator[Point]:
+def sweep(store: Store, scene: Measured, say: Say) -> Iterator[Point]:
     """Yield a point for every value of every setting, the others at the preset's."""
     for setting in SETTINGS:
         stage, _, field = setting.field.partition(".")
-        default = str(getattr(getattr(scene_config(preset), stage), field))
+        default = str(getattr(getattr(scene.config(), stage), field))
         for value in dict.fromkeys((*setting.values, default)):
-            trial = run_trial(store, setting.judge, preset, (f"{setting.field}={value}",), say)
+            trial = run_trial(store, setting.judge, scene, (f"{setting.field}={value}",), say)
             yield _point(setting, value, value == default, trial)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from aug3d_core.errors import StageFailed
 from aug3d_core.make import Material, gather, make
-from aug3d_core.scene_config import scene_config
+from aug3d_core.scene_config import SceneConfig, scene_config
 from aug3d_core.stage import Metric
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -36,14 +36,26 @@ class Trial:
         return self.records[stage].metrics[name] if stage in self.records else None
 
 
+@dataclass(frozen=True)
+class Measured:
+    """What is measured: a preset, and settings that differ from it in every trial."""
+
+    preset: str
+    overrides: tuple[str, ...] = ()
+
+    def config(self, more: Iterable[str] = ()) -> SceneConfig:
+        """Return the configuration of a trial; raises UsageError that names a wrong setting."""
+        return scene_config(self.preset, (*self.overrides, *more))
+
+
 def run_trial(
-    store: Store, until: str, preset: str, overrides: Iterable[str], say: Say, photos: Path | None = None
+    store: Store, until: str, scene: Measured, overrides: Iterable[str], say: Say, photos: Path | None = None
 ) -> Trial:
     """Make every stage up to and with `until`, of the town or of a folder of photographs.
 
     A stage that fails ends the trial, not the benchmark: where a setting breaks is a result.
     """
-    config = scene_config(preset, overrides)
+    config = scene.config(overrides)
     records: dict[str, Record] = {}
     material = Material(photos=photos)
     for stage in material.stages():

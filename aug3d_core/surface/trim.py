@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 from aug3d_core.surface.evidence import Evidence
-from aug3d_core.surface.shape import Shape, drop_small_pieces
+from aug3d_core.surface.shape import Shape, drop_small_pieces, triangle_areas
 
 REACH = 2.0  # spacings around a point in which it speaks for the surface
 
@@ -21,6 +21,14 @@ def trim(shape: Shape, evidence: Evidence, max_gap: float, min_points: int) -> S
     distance, vertex = map(np.asarray, KDTree(kept.xyz).query(evidence.xyz))
     points = np.bincount(vertex[distance <= REACH * evidence.spacing], minlength=len(kept.xyz))
     return drop_small_pieces(kept, points.astype(float), min_points)
+
+
+def bridged_share(shape: Shape, evidence: Evidence) -> float:
+    """Return the share of the area that no point speaks for: gaps that were closed."""
+    middles = shape.xyz[shape.triangles].mean(axis=1)
+    alone = np.asarray(KDTree(evidence.xyz).query(middles)[0]) > REACH * evidence.spacing
+    area = triangle_areas(shape)
+    return float(area[alone].sum() / area.sum())
 
 
 def _supported(xyz: Float[np.ndarray, "v 3"], evidence: Evidence, radius: float) -> Bool[np.ndarray, " v"]:

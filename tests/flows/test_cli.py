@@ -118,3 +118,9 @@ def test_doctor_finds_this_machine_able(tmp_path: Path) -> None:
     checks = {check["name"]: check for check in json.loads(result.stdout)}
     assert {"python", "pycolmap", "open3d", "bpy", "torch", "memory", "disk"} <= set(checks)
     assert result.exit_code == 0, checks
+
+
+def test_a_benchmark_of_a_wrong_setting_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    done = invoke("bench", "geometry", "--set", "town.colour=red", "--home", str(tmp_path / "home"))
+    assert done.exit_code == 2
+    assert not (tmp_path / "home").exists()

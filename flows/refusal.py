@@ -1,0 +1,40 @@
+"""How a command that cannot go on leaves: with an error that people can act on, and an exit code for programs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from aug3d_core.errors import Aug3dError, StageFailed, UsageError
+
+
+@contextmanager
+def typed_errors(as_json: bool) -> Iterator[None]:
+    """Print an error that people can act on, and leave with the exit code that programs read."""
+    try:
+        yield
+    except Aug3dError as error:
+        if as_json:
+            print(json.dumps({"state": "refused", "failure": {"problem": error.problem, "remedy": error.remedy}}))
+        else:
+            _print_error(error)
+        raise typer.Exit(2 if isinstance(error, UsageError) else 1) from error
+    except KeyboardInterrupt:
+        print("stopped; run the same command again to go on where it was", file=sys.stderr)
+        raise typer.Exit(130) from None
+
+
+def _print_error(error: Aug3dError) -> None:
+    console = Console(stderr=True)
+    if isinstance(error, StageFailed) and error.cause != "refused":  # a refusal says all there is to say
+        console.print(f"[dim]{escape(error.log_tail)}[/]", highlight=False)
+    console.print(f"[bold red]error[/] {escape(error.problem)}", highlight=False, soft_wrap=True)
+    console.print(f"  -> {escape(error.remedy)}", highlight=False, soft_wrap=True)
+    if isinstance(error, StageFailed) and error.replay:
+        console.print(f"  replay: {escape(error.replay)}", highlight=False, soft_wrap=True)
