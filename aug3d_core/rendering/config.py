@@ -17,7 +17,7 @@ class RenderingConfig(StageConfig):
         default=200, ge=1, le=100_000, description="Views per worker process (count): what a kill can lose at most."
     )
     min_covered_share: float = Field(
-        default=0.9, ge=0.0, le=1.0, description="Least share of a view (0 to 1) that must show surface to be kept."
+        default=0.4, ge=0.0, le=1.0, description="Least share of a view (0 to 1) that must show surface to be kept."
     )
 
 

@@ -127,16 +127,31 @@ def test_the_lens_is_that_of_the_photos_cut_to_the_view():
     assert np.isclose(edge_length(town()), 0.2)
 
 
-def test_the_stage_writes_what_the_renderer_reads(tmp_path):
-    sfm, grouping, surface, out = (tmp_path / name for name in ("sfm", "grouping", "surface", "out"))
-    for folder in (sfm, grouping, surface, out):
-        folder.mkdir()
+def stage_inputs(folder, mesh: Mesh):
+    """Return the stage's inputs over a mesh, and its output folder."""
+    sfm, grouping, surface, out = (folder / name for name in ("sfm", "grouping", "surface", "out"))
+    for each in (sfm, grouping, surface, out):
+        each.mkdir()
     photos().save(sfm / layout.VIEWS)
     role = ["train"] * 5 + ["target"]
     pd.DataFrame({"view": range(6), "photo_id": range(6), "role": role}).to_parquet(grouping / layout.SPLIT_TABLE)
     np.savez(grouping / layout.GROUPS, members=np.zeros((3, 4), int), test_members=np.zeros((1, 4), int))
-    town().save(surface / layout.MESH)
-    inputs = {"sfm": sfm, "grouping": grouping, "surface": surface}
+    mesh.save(surface / layout.MESH)
+    return {"sfm": sfm, "grouping": grouping, "surface": surface}, out
+
+
+def test_over_a_patchy_surface_domes_make_do_with_less_and_say_so(tmp_path):
+    whole = town()
+    east = whole.xyz[whole.triangles].mean(axis=1)[:, 0]
+    patchy = Mesh(whole.xyz, whole.rgb, whole.triangles[np.mod(east, 4.0) < 2.6])  # strips: two thirds of the ground
+    inputs, out = stage_inputs(tmp_path, patchy)
+    outcome = run(inputs, CONFIG, out, lambda done, total, what: None)
+    assert outcome.metrics["domes"] >= 1 and outcome.metrics["min_view_covered"] < CONFIG.min_view_covered
+    assert outcome.state == "degraded" and "the surface is patchy" in outcome.notes[0]
+
+
+def test_the_stage_writes_what_the_renderer_reads(tmp_path):
+    inputs, out = stage_inputs(tmp_path, town())
     outcome = run(inputs, CONFIG, out, lambda done, total, what: None)
     cameras, table = Cameras.load(out / layout.CAMERAS), pd.read_parquet(out / layout.DOME_TABLE)
     assert outcome.metrics["views_planned"] == len(cameras) == 4 * outcome.metrics["domes"]
