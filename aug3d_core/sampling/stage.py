@@ -90,7 +90,9 @@ def _site(inputs: Inputs, mesh: Mesh, surface: Raycaster, config: SamplingConfig
     if wanted is None:
         with np.load(inputs["grouping"] / layout.GROUPS, allow_pickle=False) as groups:
             wanted = groups["members"].shape[1]
-    finest = max(config.min_sampling_ratio * photo_sampling(train, mesh, size), edge_length(mesh))
+    # Colours at vertices are as coarse as the triangles; a texture is as fine as the photos, however few triangles there are
+    grain = 0.0 if (inputs["surface"] / layout.TEXTURED_MESH).exists() else edge_length(mesh)
+    finest = max(config.min_sampling_ratio * photo_sampling(train, mesh, size), grain)
     return Site(ground_of(mesh, surface), lens_like(train, size), size, finest, int(wanted))
 
 

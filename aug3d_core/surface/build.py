@@ -15,14 +15,14 @@ from aug3d_core.errors import InputError
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.surface.atlas import make_atlas
-from aug3d_core.surface.colour import Photographs, Places, ground_sampling, paint_vertices
+from aug3d_core.surface.colour import Photographs, ground_sampling, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
 from aug3d_core.surface.evidence import gather
 from aug3d_core.surface.poisson import octree_depth, reconstruct
-from aug3d_core.surface.shape import Shape, split_to, triangle_areas, vertex_normals
+from aug3d_core.surface.shape import Shape, split_to, triangle_areas
 from aug3d_core.surface.texture import paint_texture
 from aug3d_core.surface.trim import bridged_share, trim
 
@@ -71,6 +71,7 @@ class Built:
 
 def build(
     fused: Fused,
+    tracks: Tracks,
     views: Views,
     chosen: Int[np.ndarray, " m"],
     images: Path,
@@ -99,7 +100,7 @@ def build(
         shape = split_to(coarse.shape, detail, config.vertex_budget)
     photographs = Photographs(views, chosen, images, shape, detail)
     with clock.step("exposure"):
-        photographs.even_out(Places(shape.xyz, vertex_normals(shape)))
+        photographs.even_out(tracks)
     with clock.step("vertex colours"):
         shape, rgb = _coloured(photographs, shape, config, tick)
     textured, charts = None, 0

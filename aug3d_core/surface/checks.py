@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -72,10 +72,20 @@ def compare(photo: Path, render: Image.Image, longest_px: int) -> Comparison:
     return Comparison(truth, small[..., :3], small[..., 3])
 
 
-def render_views(mesh: AnyMesh, views: Views, chosen: list[int]) -> list[Image.Image]:
-    """Render the mesh at the poses and sizes of views."""
+def render_views(
+    mesh: AnyMesh, views: Views, chosen: list[int], exposures: Float[np.ndarray, "n 3"]
+) -> list[Image.Image]:
+    """Render the mesh at the poses and sizes of views, as bright as each of them was exposed."""
     caster = Raycaster(mesh.xyz, mesh.triangles)
-    return [rgba(caster.render(mesh, views.cam_from_world[v], views.intrinsics[v], views.size[v])) for v in chosen]
+    return [
+        rgba(_exposed(caster.render(mesh, views.cam_from_world[v], views.intrinsics[v], views.size[v]), exposures[v]))
+        for v in chosen
+    ]
+
+
+def _exposed(render: Render, gain: Float[np.ndarray, " 3"]) -> Render:
+    """Undo for one view what evened out the mesh's colours."""
+    return replace(render, rgb=np.rint(render.rgb / gain).clip(0, 255).astype(np.uint8))
 
 
 def compare_views(

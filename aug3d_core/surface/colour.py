@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.ndimage import map_coordinates
 
 from aug3d_core.geometry.transforms import apply, centres
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.store.layout import image_name
 from aug3d_core.surface.exposure import exposure_gains
 from aug3d_core.surface.raycast import Raycaster
@@ -28,7 +28,7 @@ MIN_COSINE = 0.1  # flatter than this a photo sees the place as a smear
 SHARPNESS = 4  # power of the score in the blend: the best dominates, and seams between photos still fade
 BORDER_FADE = 0.05  # of a photo's shorter side: a photo that ended at full weight would leave an edge on the ground
 FILL_ROUNDS = 6  # edges over which colour may creep into surface that no photo sees; the rest has no evidence
-EXPOSURE_PLACES = 20_000
+EXPOSURE_PX = 4  # averaged over at a matched point
 BLOCK = 1024  # places
 
 
@@ -82,14 +82,22 @@ class Photographs:
         self._caster = Raycaster(shape.xyz, shape.triangles)
         self.gains: Float[np.ndarray, "m 3"] = np.ones((len(chosen), 3))
 
-    def even_out(self, places: Places) -> None:
-        """Estimate the photos' gains from what they show of some of these places."""
-        step = -(-len(places.xyz) // EXPOSURE_PLACES)
-        some = Places(places.xyz[::step], places.normals[::step])
-        seen = list(self._look(some))
-        photo = np.repeat(np.arange(len(seen)), [len(s.place) for s in seen])
-        place, rgb = np.concatenate([s.place for s in seen]), np.concatenate([s.rgb for s in seen])
-        self.gains = exposure_gains(place, photo, rgb, len(seen))
+    def even_out(self, tracks: Tracks) -> None:
+        """Estimate the photos' gains from the points that they share.
+
+        Matched points, not places of the mesh: where its shape is wrong, neighbouring photos show different things at a
+        place, and small errors of neighbours add up along a flight (on `ochota` to a factor of 3).
+        """
+        point, photo, rgb = [], [], []
+        for number, view in enumerate(self._chosen):
+            seen = np.flatnonzero(tracks.view == view)
+            with Image.open(self._images / image_name(self._views.photo_id[view])) as image:
+                rgb.append(_sample(image, tracks.xy[seen], EXPOSURE_PX))
+            point.append(tracks.point[seen])
+            photo.append(np.full(len(seen), number))
+        self.gains = exposure_gains(
+            np.concatenate(point), np.concatenate(photo), np.concatenate(rgb), len(self._chosen)
+        )
 
     def paint(self, places: Places, best: int, tick: Callable[[], None]) -> Colours:
         """Blend the `best` photos at each place; `tick` is called after each photo."""

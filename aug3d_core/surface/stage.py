@@ -15,11 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from PIL import Image
+from scipy.spatial import KDTree
 
 from aug3d_core.geometry.fused import Fused
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.transforms import centres
+from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 from aug3d_core.surface import checks
@@ -29,6 +31,7 @@ from aug3d_core.surface.config import SurfaceConfig
 FEW_POINTS = 10_000
 LOW_COVERAGE = 0.5
 UNEVEN = 1.5  # brightest photo's exposure over the darkest one's, from which people should know
+NEIGHBOURS = 3  # given photos that tell how a target was exposed
 PICTURE_ROWS = 3
 PICTURE_PX = 480
 FULL_PX = 100_000  # larger than any photo
@@ -39,6 +42,7 @@ class _Scene:
     """What is the same for every mesh."""
 
     views: Views
+    tracks: Tracks
     role: np.ndarray
     images: Path
     config: SurfaceConfig
@@ -51,7 +55,13 @@ class _Scene:
 def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) -> Outcome:
     """Build both meshes, render the second at the targets, and compare it with the photos."""
     views = Views.load(inputs["sfm"] / layout.VIEWS)
-    scene = _Scene(views, _roles(inputs["grouping"], len(views)), inputs["sfm"] / layout.VIEW_IMAGES, config)
+    scene = _Scene(
+        views,
+        Tracks.load(inputs["sfm"] / layout.TRACKS),
+        _roles(inputs["grouping"], len(views)),
+        inputs["sfm"] / layout.VIEW_IMAGES,
+        config,
+    )
     train, given, targets = scene.having("train"), scene.having("train", "gap", "support"), scene.having("target")
     clock, tick = Clock(), _counter(2 * (len(train) + len(given)) + 1, progress)
     train_mesh = _build(scene, inputs["depth"] / layout.FUSED, train, clock, tick)
@@ -62,7 +72,9 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     (out / layout.MESH_SOURCES).write_text(json.dumps(sources))
     known = _spread(given, config.check_views)
     with clock.step("checks"):
-        renders = checks.render_views(baseline.best, views, [*targets, *known])
+        renders = checks.render_views(
+            baseline.best, views, [*targets, *known], _exposures(views, given, baseline.gains)
+        )
         _save_renders(out / layout.BASELINE_RENDERS, renders[: len(targets)], views, targets)
         figures = _figures(train_mesh, baseline, config) | _compare(scene, targets, known, renders)
         pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
@@ -72,6 +84,15 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     return Outcome(
         metrics=figures, state="degraded" if doubts else "ok", notes=(*doubts, *_remarks(figures)), pictures=pictures
     )
+
+
+def _exposures(views: Views, given: Int[np.ndarray, " m"], gains: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 3"]:
+    """Return the factors that even out each view; a target's is taken from the given photos nearest to it."""
+    at = centres(views.cam_from_world)
+    nearest = KDTree(at[given]).query(at, k=min(NEIGHBOURS, len(given)))[1].reshape(len(views), -1)
+    exposures = np.exp(np.log(gains)[nearest].mean(axis=1))
+    exposures[given] = gains
+    return exposures
 
 
 def _counter(total: int, progress: Progress) -> Callable[[], None]:
@@ -95,7 +116,7 @@ def _roles(grouping: Path, count: int) -> np.ndarray:
 
 
 def _build(scene: _Scene, fused: Path, chosen: np.ndarray, clock: Clock, tick: Callable[[], None]) -> Built:
-    return build(Fused.load(fused), scene.views, chosen, scene.images, scene.config, clock, tick)
+    return build(Fused.load(fused), scene.tracks, scene.views, chosen, scene.images, scene.config, clock, tick)
 
 
 def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:

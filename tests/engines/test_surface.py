@@ -12,7 +12,7 @@ from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import apply, look_at
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.store import layout
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
@@ -141,6 +141,15 @@ def hills(count: int = 161, half: float = 40.0) -> Mesh:
     return Mesh(np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), rgb.reshape(-1, 3), triangles)
 
 
+def shared_points(truth: Mesh, views: Views) -> Tracks:
+    """Every 50th vertex, wherever it lies in a photo."""
+    xyz = truth.xyz[::50].astype(float)
+    in_cam = apply(views.cam_from_world, np.broadcast_to(xyz, (len(views), *xyz.shape)))
+    xy = in_cam[..., :2] / in_cam[..., 2:] * views.intrinsics[:, None, :2] + views.intrinsics[:, None, 2:]
+    view, point = np.nonzero(((xy > 1) & (xy < views.size[:, None] - 1)).all(axis=-1))
+    return Tracks(point, view, xy[view, point])
+
+
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory) -> dict[str, Path]:
     """The folders of sfm, grouping and depth after a flight over the hills; photo 4 is the target; a lake has no depth."""
@@ -156,6 +165,7 @@ def flight(tmp_path_factory) -> dict[str, Path]:
         photo = caster.render(truth, poses[i], views.intrinsics[i], views.size[i]).rgb
         Image.fromarray(photo).save(sfm / layout.VIEW_IMAGES / layout.image_name(i))
     views.save(sfm / layout.VIEWS)
+    shared_points(truth, views).save(sfm / layout.TRACKS)
     role = np.full(n, "train", object)
     role[[4]], role[[5, 8]] = "target", "support"
     pd.DataFrame({"view": np.arange(n), "photo_id": np.arange(n), "role": role}).to_parquet(
@@ -186,7 +196,8 @@ def on_hills(truth: Mesh, count: int, rng: np.random.Generator) -> Fused:
 
 def build_surface(flight: dict[str, Path], out: Path, **settings):
     out.mkdir(exist_ok=True)
-    return run(flight, SurfaceConfig(vertex_budget=20_000, **settings), out, lambda done, total, what: None)
+    config = SurfaceConfig(vertex_budget=20_000, max_gap_spacings=24, **settings)  # the lake is wider than that
+    return run(flight, config, out, lambda done, total, what: None)
 
 
 @pytest.fixture(scope="module")
@@ -255,7 +266,8 @@ def test_no_pixel_of_a_held_out_photo_reaches_the_meshes(flight, built, tmp_path
     for hidden, same in (((4,), train + baseline), ((4, 5, 8), train)):
         sfm = tmp_path / f"sfm{len(hidden)}"
         (sfm / layout.VIEW_IMAGES).mkdir(parents=True)
-        (sfm / layout.VIEWS).write_bytes((flight["sfm"] / layout.VIEWS).read_bytes())
+        for name in (layout.VIEWS, layout.TRACKS):
+            (sfm / name).write_bytes((flight["sfm"] / name).read_bytes())
         for photo in (flight["sfm"] / layout.VIEW_IMAGES).iterdir():
             with Image.open(photo) as image:
                 black = photo.name in {layout.image_name(i) for i in hidden}

@@ -10,10 +10,10 @@ from PIL import Image
 
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import look_at
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.store.layout import image_name
 from aug3d_core.surface.atlas import GUTTER, make_atlas, pack
-from aug3d_core.surface.colour import Photographs, Places, paint_vertices
+from aug3d_core.surface.colour import Photographs, paint_vertices
 from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.surface.shape import Shape, triangle_areas, triangle_normals
 from aug3d_core.surface.texture import paint_texture
@@ -119,9 +119,9 @@ def test_a_dark_photo_is_evened_out(tmp_path):
     views = Views(
         np.arange(2), np.stack([pose, pose]), np.tile([200.0, 200.0, 120.0, 80.0], (2, 1)), np.tile([240, 160], (2, 1))
     )
-    x, y = np.meshgrid(np.linspace(-10, 10, 80), np.linspace(-6, 6, 50))
-    places = Places(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), np.tile([0.0, 0.0, 1.0], (x.size, 1)))
+    xy = rng.uniform(10, 150, (4000, 2))
+    tracks = Tracks(np.repeat(np.arange(4000), 2), np.tile([0, 1], 4000), np.repeat(xy, 2, axis=0))
     ground = Shape(np.array([[-50, -50, 0], [50, -50, 0], [0, 90, 0.0]]), np.array([[0, 1, 2]], np.int32))
     photographs = Photographs(views, np.arange(2), tmp_path, ground, 0.1)
-    photographs.even_out(places)
+    photographs.even_out(tracks)
     np.testing.assert_allclose(photographs.gains[1] / photographs.gains[0], 2.0, rtol=0.02)

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 # The smallest town that structure from motion still puts together, and a network that learns next to nothing.
 TOWN = [
     "town.length_m=75", "town.width_m=80", "town.altitude_m=45", "town.width_px=320", "town.photos_per_shard=6",
-    "matching.max_features=2048", "grouping.k=4", "grouping.groups=8", "depth.max_px=160", "sampling.domes=2",
+    "matching.max_features=2048", "grouping.k=4", "grouping.groups=8", "depth.max_px=256", "sampling.domes=2",
     "rendering.views_per_shard=4", "rendering.samples=4", "training.steps=30", "training.checkpoint_every=10",
 ]  # fmt: skip
 SETTINGS = [word for setting in TOWN for word in ("--set", setting)]
