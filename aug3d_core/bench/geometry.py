@@ -104,7 +104,8 @@ def growth(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     photos = sorted((store.files_dir(fresh.records["town"]) / layout.TOWN_PHOTOS).iterdir())
     aside = Store(store.root / "growth")  # where no reconstruction of all photographs is known yet
     folder = aside.root / "photos"
-    folder.mkdir(exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)  # a benchmark that was killed may have left all photographs there
+    folder.mkdir()
     for number, photo in enumerate(photos):
         if number % 10:
             shutil.copy(photo, folder)
