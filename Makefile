@@ -10,7 +10,7 @@ demo: $(READY)  ## the whole factory on the built-in town
 	@$(VENV)/bin/aug3d demo
 
 test: $(READY)  ## every test, with the real engines
-	@$(PY) -m pytest
+	@$(PY) -m pytest -n auto --maxprocesses 4
 
 check: $(READY)  ## lint, types and the quick tests, for daily work
 	@$(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright && $(PY) -m pytest -m "not slow" -q

@@ -9,9 +9,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -23,30 +21,24 @@ import psutil
 from aug3d_core.errors import StageFailed
 from aug3d_core.parent import SUPERVISED
 from aug3d_core.stage import Progress, Stage
+from aug3d_core.starter import Process, start
 from aug3d_core.store import layout
 
 _POLL_S = 0.1
 _LOG_LINES = 15
 _DISK_FULL_BYTES = 8 * 2**20
-_stopping = threading.Event()
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a finished job cost: wall seconds, and peak resident memory summed over its processes."""
+    """What a job cost: wall seconds; and over all its processes, processor seconds and peak resident memory.
+
+    Processor seconds say what the work is worth whatever else the machine is doing.
+    """
 
     seconds: float
+    cpu_seconds: float
     peak_mib: float
-
-
-def stop_all() -> None:
-    """Kill every running job of this process and refuse new ones."""
-    _stopping.set()
-
-
-def allow_jobs() -> None:
-    """Take back `stop_all`, for a process that goes on to another run."""
-    _stopping.clear()
 
 
 # OpenMP's threads wait for each other by spinning. Beside other work that made a training step 7 times slower (measured:
@@ -58,44 +50,36 @@ def run_isolated(stage: Stage, folder: Path, progress: Progress) -> Cost:
     """Run `folder/job.json` and wait for it; raises StageFailed with the cause, the last log lines and the replay command."""
     for stale in (layout.ERROR, layout.OUTCOME, layout.PROGRESS):
         (folder / stale).unlink(missing_ok=True)
+    environment = {**QUIET_THREADS, **os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"}
+    process = start(stage.package, folder / layout.JOB, folder / layout.LOG, environment)
     started = time.monotonic()
-    with (folder / layout.LOG).open("ab") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", stage.package, str(folder / layout.JOB)],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            env={**QUIET_THREADS, **os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"},
-        )
     try:
-        peak_mib, verdict = _watch(process, stage, folder, started, progress)
+        cost, verdict = _watch(process, stage, folder, started, progress)
     finally:
         _kill_group(process)
     if verdict is None and process.returncode == 0 and (folder / layout.OUTCOME).exists():
-        return Cost(seconds=time.monotonic() - started, peak_mib=peak_mib)
+        return cost
     raise _failure(stage, folder, process.returncode, verdict)
 
 
 def _watch(
-    process: subprocess.Popen, stage: Stage, folder: Path, started: float, progress: Progress
-) -> tuple[float, tuple[str, str] | None]:
-    """Wait for the end; return the peak memory in MiB and, if the job was stopped from here, (cause, problem)."""
+    process: Process, stage: Stage, folder: Path, started: float, progress: Progress
+) -> tuple[Cost, tuple[str, str] | None]:
+    """Wait for the end; return the cost and, if the job was stopped from here, (cause, problem)."""
     limit_mib = min(stage.limit_mib, 0.9 * psutil.virtual_memory().total / 2**20)
     report = _progress_reader(folder, progress)
-    peak_mib = 0.0
+    cost = Cost(0.0, 0.0, 0.0)
     while process.poll() is None:
-        peak_mib = max(peak_mib, _group_mib(process.pid))
+        now = _cost_so_far(process.pid, started)
+        cost = Cost(now.seconds, max(cost.cpu_seconds, now.cpu_seconds), max(cost.peak_mib, now.peak_mib))
         report()
-        if _stopping.is_set():
-            return peak_mib, ("killed", "the run was stopped")
-        if time.monotonic() - started > stage.limit_s:
-            return peak_mib, ("timeout", f"it ran longer than {stage.limit_s:.0f} s")
-        if peak_mib > limit_mib:
-            return peak_mib, ("memory", f"it used {peak_mib:.0f} MiB; the limit is {limit_mib:.0f} MiB")
+        if cost.seconds > stage.limit_s:
+            return cost, ("timeout", f"it ran longer than {stage.limit_s:.0f} s")
+        if cost.peak_mib > limit_mib:
+            return cost, ("memory", f"it used {cost.peak_mib:.0f} MiB; the limit is {limit_mib:.0f} MiB")
         time.sleep(_POLL_S)
     report()
-    return peak_mib, None
+    return cost, None
 
 
 def _progress_reader(folder: Path, progress: Progress) -> Callable[[], None]:
@@ -115,22 +99,18 @@ def _progress_reader(folder: Path, progress: Progress) -> Callable[[], None]:
     return report
 
 
-def _group_mib(pid: int) -> float:
-    try:
+def _cost_so_far(pid: int, started: float) -> Cost:
+    cpu_seconds, rss = 0.0, 0
+    with suppress(psutil.NoSuchProcess):
         leader = psutil.Process(pid)
-        family = [leader, *leader.children(recursive=True)]
-    except psutil.NoSuchProcess:
-        return 0.0
-    total = 0
-    for member in family:
-        try:
-            total += member.memory_info().rss
-        except psutil.NoSuchProcess:
-            continue
-    return total / 2**20
+        for member in (leader, *leader.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess):
+                rss += member.memory_info().rss
+                cpu_seconds += sum(member.cpu_times()[:4])  # its own and its ended children's, user and system
+    return Cost(time.monotonic() - started, cpu_seconds, rss / 2**20)
 
 
-def _kill_group(process: subprocess.Popen) -> None:
+def _kill_group(process: Process) -> None:
     """End what is left of the group: the job itself, or workers that it started and lost."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
@@ -154,7 +134,6 @@ def _failure(stage: Stage, folder: Path, returncode: int, verdict: tuple[str, st
 def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) -> tuple[str, str, str]:
     if verdict is not None:
         remedies = {
-            "killed": "run the same command again: it goes on where it was",
             "timeout": "use a smaller preset or fewer photographs",
             "memory": "use a smaller preset or fewer photographs",
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 
 from aug3d_core.errors import StageFailed
@@ -81,7 +82,10 @@ def make(store: Store, stage: Stage, config: StageConfig, sources: Mapping[str, 
     key = key_of(stage, config, sources)
     with store.lock(stage.name, key):
         record = store.find(stage.name, key)
-        return record if record is not None else _compute(store, stage, key, config, sources, progress)
+        if record is not None:
+            return record
+        with store.turn(stage.name, progress) if stage.alone else nullcontext():
+            return _compute(store, stage, key, config, sources, progress)
 
 
 def _compute(
@@ -110,6 +114,7 @@ def _compute(
             "inputs": {name: source.digest for name, source in sources.items()},
             "versions": engine_versions(stage),
             "seconds": round(cost.seconds, 3),
+            "cpu_seconds": round(cost.cpu_seconds, 2),
             "peak_mib": round(cost.peak_mib, 1),
         }
         return store.commit(work, stage.name, key, fields)

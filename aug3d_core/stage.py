@@ -27,9 +27,12 @@ Progress = Callable[[int, int, str], None]
 
 
 class Frozen(BaseModel):
-    """Base of every record and configuration: immutable, and strict about unknown fields."""
+    """Base of every record and configuration: immutable, and strict about unknown fields.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    A field's title in a form is its name: the one that files and `--set` take.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", field_title_generator=lambda name, _: name)
 
 
 class StageConfig(Frozen):
@@ -66,6 +69,7 @@ class Stage:
     grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`
         is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work. Where the
         answer then differs from a fresh one, within the accuracy of the stage, a metric says what it grew from.
+    alone: it uses the whole machine for long; one at a time runs, of however many scenes.
     limit_s, limit_mib: time and memory at which the stage's process group is killed.
     """
 
@@ -77,6 +81,7 @@ class Stage:
     accuracy: str
     resumable: bool = False
     grows: bool = False
+    alone: bool = False
     limit_s: float = 24 * 3600.0
     limit_mib: float = 20 * 1024.0
 

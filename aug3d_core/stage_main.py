@@ -16,7 +16,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from aug3d_core.errors import Aug3dError
-from aug3d_core.parent import SUPERVISED, die_with_parent
+from aug3d_core.parent import SUPERVISED, call_this_process, die_with_parent
 from aug3d_core.stages import stage_reading
 from aug3d_core.store import layout
 from aug3d_core.store.store import disk_full, write_synced
@@ -52,6 +52,7 @@ def main() -> None:
 def run_job(job: Job, folder: Path) -> None:
     """Run the stage function and write what it reports."""
     stage = stage_reading(job.stage, job.inputs)
+    call_this_process(f"aug3d {stage.name}")
     out = folder / layout.FILES
     out.mkdir(exist_ok=True)
     outcome = stage.function()(job.inputs, stage.config.model_validate(job.config), out, _progress_writer(folder))

@@ -11,12 +11,13 @@ from collections.abc import Iterable
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.depth.config import DepthConfig
 from aug3d_core.formats.config import PosesConfig
-from aug3d_core.grouping.config import GroupingConfig, SimilarityConfig
-from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
+from aug3d_core.grouping.config import GroupingConfig, OverlapConfig, SimilarityConfig
+from aug3d_core.nerf.config import EvaluationConfig, PredictionConfig, TrainingConfig
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.sampling.config import SamplingConfig
 from aug3d_core.sfm.config import MatchingConfig, SfmConfig
+from aug3d_core.stability.config import ComputedConfig, SpoilConfig
 from aug3d_core.stage import Stage
 from aug3d_core.store import layout
 from aug3d_core.surface.config import SurfaceConfig
@@ -61,6 +62,22 @@ DEPTH = Stage(
 SURFACE = Stage(
     "surface", SurfaceConfig, ("sfm", "grouping", "depth"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
 )
+OVERLAP = Stage(
+    "overlap",
+    OverlapConfig,
+    ("sfm", "similarity", "grouping", "surface"),
+    "aug3d_core.grouping.overlap_stage:run",
+    ("open3d",),
+    "bad_members_share",
+)
+OVERLAP_IN_TOWN = Stage(
+    "overlap",
+    OverlapConfig,
+    ("town", "sfm", "similarity", "grouping"),
+    "aug3d_core.testbed.overlap_stage:run",
+    ("open3d",),
+    "bad_members_share",
+)
 MESH_TRUTH = Stage(
     "mesh_truth",
     MeshTruthConfig,
@@ -75,7 +92,7 @@ SAMPLING = Stage(
     ("sfm", "grouping", "surface"),
     "aug3d_core.sampling.stage:run",
     ("open3d",),
-    "views_planned",
+    "reach_share",
 )
 RENDERING = Stage(
     "rendering",
@@ -85,6 +102,7 @@ RENDERING = Stage(
     ("bpy",),
     "kept_share",
     resumable=True,
+    alone=True,
 )
 DATASET = Stage(
     "dataset",
@@ -94,6 +112,10 @@ DATASET = Stage(
     ("zarr",),
     "views",
 )
+# What a study trains on to tell what renders add
+DATASET_OF_PHOTOS = Stage(
+    "dataset", DatasetConfig, ("sfm", "grouping", "surface"), "aug3d_core.dataset.stage:run", ("zarr",), "views"
+)
 TRAINING = Stage(
     "training",
     TrainingConfig,
@@ -102,6 +124,7 @@ TRAINING = Stage(
     ("torch",),
     "train_psnr",
     resumable=True,
+    alone=True,
 )
 EVALUATION = Stage(
     "evaluation",
@@ -111,6 +134,18 @@ EVALUATION = Stage(
     ("torch",),
     "test_psnr_mean",
 )
+# Made on demand, by `aug3d predict`: no run has it.
+PREDICTION = Stage(
+    "prediction",
+    PredictionConfig,
+    ("dataset", "training"),
+    "aug3d_core.nerf.prediction_stage:run",
+    ("torch",),
+    "ground_seen_share",
+)
+# Of the study of stability alone: each is made with the entry of the damage, or of the figure, in place of its own.
+SPOILED = Stage("spoiled", SpoilConfig, ("whole",), "aug3d_core.stability.spoil_stage:run", (), "dose")
+COMPUTED = Stage("computed", ComputedConfig, (), "aug3d_core.stability.compute_stage:run", (), "accuracy")
 
 FROM_PHOTOS = (
     PHOTOS,
@@ -120,6 +155,7 @@ FROM_PHOTOS = (
     GROUPING,
     DEPTH,
     SURFACE,
+    OVERLAP,
     SAMPLING,
     RENDERING,
     DATASET,
@@ -129,19 +165,23 @@ FROM_PHOTOS = (
 _AFTER_SFM = FROM_PHOTOS[FROM_PHOTOS.index(SFM) + 1 :]
 FROM_POSES = (PHOTOS, POSES, MATCHING, SFM_OF_POSES, *_AFTER_SFM)
 FROM_MODEL = (PHOTOS, POSES, SFM_OF_MODEL, *_AFTER_SFM)
-_UP_TO_SURFACE = FROM_PHOTOS.index(SURFACE) + 1
+_DEPTH, _SURFACE, _SAMPLING = (FROM_PHOTOS.index(stage) for stage in (DEPTH, SURFACE, SAMPLING))
 FROM_TOWN = (
     TOWN,
     PHOTOS,
     MATCHING,
     SFM,
     TRUTH,
-    *FROM_PHOTOS[3:_UP_TO_SURFACE],
+    *FROM_PHOTOS[3:_DEPTH],
+    OVERLAP_IN_TOWN,
+    *FROM_PHOTOS[_DEPTH : _SURFACE + 1],
     MESH_TRUTH,
-    *FROM_PHOTOS[_UP_TO_SURFACE:],
+    *FROM_PHOTOS[_SAMPLING:],
 )
-STAGES = {stage.name: stage for stage in (*FROM_TOWN, POSES)}
-_BY_INPUTS = {(stage.name, frozenset(stage.inputs)): stage for stage in (*FROM_TOWN, *FROM_POSES, *FROM_MODEL)}
+STAGES = {stage.name: stage for stage in (*FROM_TOWN, POSES, PREDICTION, SPOILED, COMPUTED)}
+_BY_INPUTS = {
+    (stage.name, frozenset(stage.inputs)): stage for stage in (*FROM_TOWN, *FROM_POSES, *FROM_MODEL, DATASET_OF_PHOTOS)
+}
 
 
 def stage_reading(name: str, inputs: Iterable[str]) -> Stage:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,78 +20,135 @@ from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
     from aug3d_core.bench.figure import Figure
-    from aug3d_core.bench.front import Point
-    from aug3d_core.bench.trial import Say
+    from aug3d_core.bench.trial import Measured, Say
+
+HOME = Path("aug3d_data")
 
 bench = typer.Typer(no_args_is_help=True, help="Measure again, on this machine, the figures that are quoted.")
 
 
+Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
+Preset = Annotated[str, typer.Option(help="Preset that is measured.")]
+Set = Annotated[
+    list[str],
+    typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Measure with this setting changed, e.g. a smaller town."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a benchmark found, and what it was measured on."""
+
+    figures: dict[str, Figure]
+    about: dict[str, Any] = field(default_factory=dict)
+
+
 @bench.command("geometry")
 def bench_geometry(
-    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = Path(
-        "aug3d_data"
-    ),
-    preset: Annotated[str, typer.Option(help="Preset that is measured.")] = "tiny",
+    home: Home = HOME,
+    preset: Preset = "tiny",
     photos: Annotated[
         Path | None, typer.Option(help="Also choose pairs among these photographs, and among all of them.")
     ] = None,
-    sweep: Annotated[
-        bool, typer.Option("--sweep", help="Also chart time against accuracy, setting by setting (about an hour).")
-    ] = False,
-    set_: Annotated[
-        list[str],
-        typer.Option(
-            "--set", metavar="STAGE.FIELD=VALUE", help="Measure with this setting changed, e.g. a smaller town."
-        ),
-    ] = [],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+    set_: Set = [],
+    as_json: AsJson = False,
 ) -> None:
     """Poses, depth and mesh of the built-in town against its exact truth.
 
     Killed half way? Run it again: what was measured is kept until the benchmark is complete.
     """
-    from aug3d_core.bench import front, geometry  # charts are slow to import, and no other command needs them
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import geometry
+
+        figures = geometry.town_figures(store, scene, say)
+        figures |= geometry.pairs_speedup(store, scene, say, photos)
+        figures |= geometry.pose_spread(store, scene, say) | geometry.growth(store, scene, say)
+        return Measurement(figures, {"pairs_measured_on": photos.name if photos else "town, its GPS not used"})
+
+    _bench("geometry", home, preset, set_, as_json, measure)
+
+
+@bench.command("views")
+def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """Grouping on every flight path, building boxes, choice of virtual cameras, rendering, and scale (about an hour).
+
+    Killed half way? Run it again: what was measured is kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import buildings, coverage, grouping, rendering, scale
+
+        figures: dict[str, Figure] = {}
+        for part in (scale, coverage, rendering, buildings, grouping):
+            found = part.figures(store, scene, say)
+            for name, figure in found.items():
+                console.print(f"{name}: {_value(figure)} {figure.unit}", style="dim", highlight=False)
+            figures |= found
+        return Measurement(figures)
+
+    _bench("views", home, preset, set_, as_json, measure)
+
+
+@bench.command("nerf")
+def bench_nerf(
+    home: Home = HOME,
+    preset: Preset = "tiny",
+    minutes: Annotated[
+        float, typer.Option(min=0.0, help="How long the paper's settings are trained, for comparison, minutes.")
+    ] = 30.0,
+    set_: Set = [],
+    as_json: AsJson = False,
+) -> None:
+    """PixelNeRF: speed over its plain version, quality on the town, and time to the paper's quality (about an hour).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import nerf
+
+        return Measurement(nerf.figures(store, scene, say, minutes), {"reference_minutes": minutes})
+
+    _bench("nerf", home, preset, set_, as_json, measure)
+
+
+def _bench(
+    name: str,
+    home: Path,
+    preset: str,
+    overrides: list[str],
+    as_json: bool,
+    measure: Callable[[Store, Measured, Say, Console], Measurement],
+) -> None:
+    """Measure, keep figures and pictures in a folder of their own, print them, and exit."""
     from aug3d_core.bench.machine import describe_machine
     from aug3d_core.bench.trial import Measured
 
     with typed_errors(as_json):
         console = Console(stderr=True)
-        scene = Measured(preset, tuple(set_))
+        scene = Measured(preset, tuple(overrides))
         scene.config()  # a wrong setting is told before anything is measured
-        unfinished = home / layout.BENCH / "geometry"
-        store = Store(unfinished)
+        unfinished = home / layout.BENCH / name
         with console.status("") as status:
-            say = _saying(status)
-            figures = geometry.town_figures(store, scene, say)
-            figures |= geometry.pairs_speedup(store, scene, say, photos)
-            figures |= geometry.pose_spread(store, scene, say) | geometry.growth(store, scene, say)
-            points = []
-            if sweep:
-                for point in geometry.sweep(store, scene, say):
-                    points.append(point)
-                    console.print(_told(point), style="dim", highlight=False)
+            found = measure(Store(unfinished), scene, _saying(status), console)
         told = {
-            "name": "geometry",
+            "name": name,
             "machine": describe_machine(),
             "preset": preset,
-            "settings": list(set_),
-            "pairs_measured_on": photos.name if photos else "town, its GPS not used",
-            "figures": {name: vars(figure) for name, figure in figures.items()},
+            "settings": overrides,
+            **found.about,
+            "figures": {key: vars(figure) for key, figure in found.figures.items()},
         }
-        kept = home / layout.BENCH / f"geometry-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
+        kept = home / layout.BENCH / f"{name}-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
         kept.mkdir(parents=True)
         write_synced(kept / layout.BENCH_FIGURES, json.dumps(told, indent=1).encode())
-        if points:
-            front.table(points).to_parquet(kept / layout.BENCH_POINTS)
-            front.draw(
-                points,
-                geometry.LOWER_IS_BETTER,
-                " ".join(["town, preset", preset, *set_, "\n", told["machine"]]),
-                kept / layout.BENCH_CHART,
-            )
+        if (pictures := unfinished / layout.BENCH_PICTURES).exists():
+            pictures.rename(kept / layout.BENCH_PICTURES)
         shutil.rmtree(unfinished)
-        _print(told, figures, kept, as_json)
-        raise typer.Exit(0 if all(figure.value is not None for figure in figures.values()) else 1)
+        _print(told, found.figures, kept, as_json)
+        raise typer.Exit(0 if all(figure.value is not None for figure in found.figures.values()) else 1)
 
 
 def _saying(status: Any) -> Say:
@@ -99,24 +158,22 @@ def _saying(status: Any) -> Say:
     return say
 
 
-def _told(point: Point) -> str:
-    result = point.failure if point.accuracy is None else f"{point.accuracy_name} {point.accuracy:.4g}"
-    return f"{point.setting} {point.value}: {point.seconds:.1f} s, {point.peak_mib:.0f} MiB, {result}"
+def _value(figure: Figure) -> str:
+    return figure.failure or "-" if figure.value is None else f"{figure.value:.4g}"
 
 
 def _print(told: dict[str, Any], figures: dict[str, Figure], kept: Path, as_json: bool) -> None:
     if as_json:
         print(json.dumps(told, indent=1))
         return
-    table = Table("figure", title=f"geometry ({told['preset']}); {told['machine']}")
+    table = Table("figure", title=f"{told['name']} ({told['preset']}); {told['machine']}")
     for heading in ("measured", "goal"):
         table.add_column(heading, justify="right")
     for heading in ("unit", "holds"):
         table.add_column(heading)
     for name, figure in figures.items():
-        value = figure.failure or "-" if figure.value is None else f"{figure.value:.4g}"
         goal = "" if figure.goal is None else f"{figure.goal:g}"
-        table.add_row(name, value, goal, figure.unit, {True: "yes", False: "NO", None: ""}[figure.holds])
+        table.add_row(name, _value(figure), goal, figure.unit, {True: "yes", False: "NO", None: ""}[figure.holds])
     console = Console()
     console.print(table)
     console.print(f"kept in {kept}", highlight=False, soft_wrap=True)

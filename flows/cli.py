@@ -13,20 +13,30 @@ from rich.markup import escape
 
 from aug3d_core.doctor import examine
 from aug3d_core.errors import UsageError
-from aug3d_core.formats.recognise import COLMAP, NERFSTUDIO
+from aug3d_core.formats.recognise import COLMAP, DTU, NERFSTUDIO
 from aug3d_core.make import Material
-from aug3d_core.scene_config import PRESETS, SceneConfig, scene_config
+from aug3d_core.scene_config import SIZES, SceneConfig, scene_config
 from aug3d_core.scene_name import check_scene_name
 from aug3d_core.stage import Stage
-from aug3d_core.store.scenes import last_version
+from aug3d_core.store.room import check_room
+from aug3d_core.store.scenes import last_version, object_of, records_before
 from aug3d_core.store.store import Store
 from flows.bench import bench
+from flows.compare import compare_runs
+from flows.gc import gc
+from flows.hand_on import export_groups
 from flows.plan import planned
+from flows.predict import predict
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
+from flows.scenes import scenes
 from flows.server import prefect_server
 from flows.settings import apply_local_environment
+from flows.study import study
+from flows.study_stability import study_stability
+from flows.study_tradeoff import study_tradeoff
 from flows.summary import print_summary, program
+from flows.up import up
 
 app = typer.Typer(
     name="aug3d",
@@ -37,11 +47,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.add_typer(bench, name="bench")
 Home = Annotated[
     Path, typer.Option("--home", envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.", show_default=True)
 ]
-Preset = Annotated[str, typer.Option(help=f"Size of everything: {', '.join(PRESETS)}.")]
+Preset = Annotated[str, typer.Option(help=SIZES)]
 Set = Annotated[
     list[str],
     typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable."),
@@ -107,21 +116,27 @@ def show(
 def export_scene(
     scene: Annotated[str, typer.Argument(help="Name of the scene.")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
-    form: Annotated[str, typer.Option("--format", help=f"For which tools: {COLMAP} or {NERFSTUDIO}.")],
+    form: Annotated[str, typer.Option("--format", help=f"For which tools: {COLMAP}, {NERFSTUDIO} or {DTU}.")],
     home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
-    """Write a scene's poses, points and undistorted photographs for other tools."""
+    """Write a scene for other tools: poses, points and undistorted photographs; or (dtu) its groups for pixelNeRF."""
     from aug3d_core.formats.export import IMAGES, export  # with scipy and pandas, which other commands do without
 
     with typed_errors(as_json):
-        objects = last_version(Store(home), scene)["paths"]["objects"]
-        if "sfm" not in objects:
-            raise UsageError(
-                f"scene {scene!r} has no camera poses: its last run ended before",
-                f"see aug3d show {scene}, then run again",
-            )
-        views = export(Path(objects["sfm"]), Path(objects["photos"]), form, folder)
+        store = Store(home)
+        with store.using():
+            version = last_version(store, scene)
+            if form == DTU:
+                export_groups(store.files_dir(object_of(store, version, "dataset")), folder, as_json)
+                return
+            objects = version["paths"]["objects"]
+            if "sfm" not in objects:
+                raise UsageError(
+                    f"scene {scene!r} has no camera poses: its last run ended before",
+                    f"see aug3d show {scene}, then run again",
+                )
+            views = export(Path(objects["sfm"]), Path(objects["photos"]), form, folder)
         if as_json:
             print(json.dumps({"folder": str(folder), "format": form, "views": views}))
         else:
@@ -155,6 +170,7 @@ def _run(
         _print_plan(store, material, config, as_json)
         return
     check_servers()
+    check_room(store, scene, material, config, records_before(store, scene), planned(store, material, config))
     metrics = _run_flow(store, scene, material, stages, preset, config, Console(stderr=as_json))
     if as_json:
         print(json.dumps(metrics, indent=1))
@@ -189,12 +205,14 @@ def _run_flow(
 
 
 def _print_plan(store: Store, material: Material, config: SceneConfig, as_json: bool) -> None:
-    plan = [(stage.name, record is not None) for stage, record in planned(store, material, config)]
+    plan = [(step.name, record is not None) for step, record in planned(store, material, config)]
     if as_json:
         print(json.dumps([{"stage": name, "cached": cached} for name, cached in plan], indent=1))
         return
     for name, cached in plan:
         print(f"{'cached ' if cached else 'compute'}  {name}")
+    if ("grouping", False) in plan:
+        print("\na scene that turns out to be small is made in folds: from grouping on once for each")
 
 
 def _print_failure(metrics: dict[str, Any]) -> None:
@@ -207,7 +225,9 @@ def _print_failure(metrics: dict[str, Any]) -> None:
 def _print_next(scene: str) -> None:
     aug3d = program("aug3d")
     print(f"\nnext  {aug3d} run my_scene --photos DIR   (your own photographs)")
+    print(f"      {aug3d} predict {scene} --out view.png   (a view that no photograph shows)")
     print(f"      {aug3d} show {scene}   (this table again)")
+    print(f"      {aug3d} up   (scenes in a browser, made again by schedule)")
 
 
 def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
@@ -217,6 +237,18 @@ def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
     else:
         print(f"\nnext  ns-train splatfacto --data {folder}")
     print(f"      {program('aug3d')} run my_scene --photos {images} --poses {folder}   (back into aug3d)")
+
+
+# After a person's first commands, in the order of the help
+app.command()(predict)
+app.command("compare")(compare_runs)
+app.command()(up)
+app.command()(gc)
+app.add_typer(scenes, name="scenes")
+study.command("tradeoff")(study_tradeoff)
+study.command("stability")(study_stability)
+app.add_typer(study, name="study")
+app.add_typer(bench, name="bench")
 
 
 def main() -> None:

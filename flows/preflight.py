@@ -1,29 +1,68 @@
-"""Look before hours of work whether the servers that the user named can be reached."""
+"""Look before hours of work whether the servers that the user named can be reached, and take the password they are given."""
 
 from __future__ import annotations
 
+import base64
 import os
-import socket
-from urllib.parse import urlsplit
+import urllib.error
+import urllib.request
+from collections.abc import Mapping
 
 from aug3d_core.errors import StoreError
+from tasks.reach import unreachable
 
-_SERVERS = {"PREFECT_API_URL": "Prefect server", "MLFLOW_TRACKING_URI": "MLflow server"}
+_PREFECT, _MLFLOW = "PREFECT_API_URL", "MLFLOW_TRACKING_URI"
+_SERVERS = {_PREFECT: "Prefect server", _MLFLOW: "MLflow server"}
+# An address that answers only to those who may use the server, and where the password for it is read from.
+_GUARDED = {_PREFECT: "/admin/version", _MLFLOW: "/api/2.0/mlflow/experiments/get?experiment_id=0"}
+_PASSWORDS = {
+    _PREFECT: "PREFECT_API_AUTH_STRING (user:password)",
+    _MLFLOW: "MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD",
+}
 _PATIENCE_S = 5.0
 
 
-def check_servers() -> None:
-    """Raise StoreError that names the first server, of those set in the environment, that does not answer."""
+def check_servers(environment: Mapping[str, str] = os.environ) -> None:
+    """Raise StoreError that names the first server, of those in the environment, that does not let us in.
+
+    Nor may Prefect's be out of reach; what MLflow's is not told, it is told later.
+    """
     for variable, name in _SERVERS.items():
-        address = os.environ.get(variable, "")
+        address = environment.get(variable, "")
         if not address.startswith(("http://", "https://")):
             continue
-        parts = urlsplit(address)
-        try:
-            port = parts.port or (443 if parts.scheme == "https" else 80)
-            socket.create_connection((parts.hostname or "", port), timeout=_PATIENCE_S).close()
-        except (OSError, ValueError) as error:
+        if why := unreachable(address):
+            if variable == _MLFLOW:  # the run goes on, and MLflow is told of it afterwards
+                continue
             raise StoreError(
-                f"the {name} at {address} (from {variable}) cannot be reached: {error}",
+                f"the {name} at {address} (from {variable}) cannot be reached: {why}",
                 f"start it, or unset {variable} to run without a server",
-            ) from error
+            )
+        if _turned_away(address + _GUARDED[variable], _authorization(variable, environment)):
+            raise StoreError(
+                f"the {name} at {address} does not take the password that it is given",
+                f"set {_PASSWORDS[variable]} to the one that it was first started with",
+            )
+
+
+def _turned_away(address: str, authorization: str | None) -> bool:
+    request = urllib.request.Request(address, headers={"Authorization": authorization} if authorization else {})
+    try:
+        with urllib.request.urlopen(request, timeout=_PATIENCE_S):
+            return False
+    except urllib.error.HTTPError as error:
+        return error.code in (401, 403)
+    except OSError:  # other trouble is told when the server is used
+        return False
+
+
+def _authorization(variable: str, environment: Mapping[str, str]) -> str | None:
+    token = environment.get("PREFECT_API_KEY" if variable == _PREFECT else "MLFLOW_TRACKING_TOKEN")
+    if variable == _PREFECT:
+        user_and_password = environment.get("PREFECT_API_AUTH_STRING")
+    else:
+        user = environment.get("MLFLOW_TRACKING_USERNAME")
+        user_and_password = f"{user}:{environment.get('MLFLOW_TRACKING_PASSWORD', '')}" if user else None
+    if user_and_password:
+        return "Basic " + base64.b64encode(user_and_password.encode()).decode()
+    return f"Bearer {token}" if token else None

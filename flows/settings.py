@@ -5,6 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+HOME = "AUG3D_HOME"
+
+
+def home() -> Path:
+    """Return the folder for everything that aug3d makes, in a process that was started with it."""
+    return Path(os.environ[HOME])
+
 
 def local_environment(home: Path) -> dict[str, str]:
     """Return the environment that keeps every database, result and artifact under `home` and sends nothing out."""
@@ -15,9 +22,14 @@ def local_environment(home: Path) -> dict[str, str]:
         "PREFECT_LOGGING_LEVEL": "CRITICAL",  # the command line tells what happens; each stage has its own log
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_CLIENT_METRICS_ENABLED": "false",
+        "PREFECT_CLIENT_MAX_RETRIES": "8",  # waits of 2, 4, ... s: a run outlives a server that is away for minutes
         "DO_NOT_TRACK": "1",
         "MLFLOW_DISABLE_TELEMETRY": "true",
         "MLFLOW_LOGGING_LEVEL": "ERROR",
+        "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",  # it is for --json
+        # What a server does not take within half a minute is told later; MLflow itself would try for twenty.
+        "MLFLOW_HTTP_REQUEST_TIMEOUT": "15",
+        "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     }
 
 

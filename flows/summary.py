@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-from aug3d_core.stages import STAGES
+from aug3d_core.folds import stage_of
+from aug3d_core.scene_config import AUTO
 from flows.display import figure
 
 _WIDTH = 120
@@ -21,11 +23,18 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     if not console.is_terminal:
         console.width = max(console.width, _WIDTH)  # a log has no width of its own
     console.print(_stage_table(metrics))
+    if decided := [row for row in metrics.get("needs", ()) if row["by"] == AUTO and not row["fold"]]:
+        console.print(_needs_table(decided))
     if "nvs" in metrics:
         console.print(_view_synthesis_table(metrics["nvs"]))
+        folds = len(metrics["nvs"].get("fold_psnr_means", []))  # runs of earlier versions had one, and did not say so
+        if folds > 1:
+            console.print(f"{folds} folds: every figure is over all of them")
     for stage, figures in metrics["stages"].items():
         for note in figures["notes"]:
             console.print(f"[yellow]note[/] {stage}: {note}", highlight=False)
+    if why := metrics.get("mlflow", {}).get("waiting"):
+        console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
     _print_places(console, metrics)
 
 
@@ -38,7 +47,7 @@ def _stage_table(metrics: dict[str, Any]) -> Table:
     for heading in ("accuracy", "cached", "state"):
         table.add_column(heading)
     for name, figures in metrics["stages"].items():
-        accuracy = STAGES[name].accuracy
+        accuracy = stage_of(name).accuracy
         table.add_row(
             name,
             f"{figures['seconds']:.1f}",
@@ -48,6 +57,16 @@ def _stage_table(metrics: dict[str, Any]) -> Table:
             "yes" if figures["cached"] else "no",
             figures["state"],
         )
+    return table
+
+
+def _needs_table(decided: list[dict[str, Any]]) -> Table:
+    table = Table("setting", title="no more than the scene needs; what it saves and may cost is in the report")
+    table.add_column("value", justify="right")
+    for heading in ("measured", "rule"):
+        table.add_column(heading)
+    for row in decided:
+        table.add_row(row["field"], figure(row["value"]), escape(row["measured"]), escape(row["rule"]))
     return table
 
 

@@ -2,6 +2,7 @@
 # Set up aug3d in a virtual environment: Python 3.11, pinned packages, and the system libraries that their wheels leave out.
 set -euo pipefail
 venv=${1:-.venv}
+installing=$venv/.installing  # while this is there, packages may be half written: pip cannot go on from that
 say() { printf '\033[1maug3d setup:\033[0m %s\n' "$*"; }
 
 # Install Debian packages where we may; else print the one line to type.
@@ -37,7 +38,7 @@ is_311() { "$1" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/de
 
 # bpy has wheels for CPython 3.11 only. Where the machine has none, uv (from PyPI) fetches one.
 make_venv() {
-  if is_311 "$venv/bin/python" && "$venv/bin/python" -c 'import pip' 2>/dev/null; then
+  if [ ! -e "$installing" ] && is_311 "$venv/bin/python" && "$venv/bin/python" -c 'import pip' 2>/dev/null; then
     return 0
   fi
   for candidate in python3.11 python3 python; do
@@ -59,5 +60,7 @@ make_venv() {
 install_system_libraries
 make_venv
 say "installing pinned packages (3.5 GB on disk; some minutes)"
+touch "$installing"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+rm "$installing"
 say "ready"

@@ -10,8 +10,9 @@ from prefect import task
 from prefect.client.schemas.objects import State, TaskRun
 
 from aug3d_core.errors import StageFailed
+from aug3d_core.folds import Step
 from aug3d_core.make import Source, key_of, make
-from aug3d_core.stage import Stage, StageConfig
+from aug3d_core.stage import StageConfig
 from aug3d_core.stages import stage_reading
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -21,9 +22,9 @@ from tasks.cache import ObjectCache
 
 @dataclass(frozen=True)
 class Made:
-    """A stage's record, and whether the store already had it."""
+    """A step's record, and whether the store already had it."""
 
-    stage: Stage
+    step: Step
     record: Record
     cached: bool
 
@@ -41,19 +42,19 @@ async def _worth_a_retry(_task: Any, _run: TaskRun, state: State) -> bool:
     cache_result_in_memory=False,
     retries=1,
     retry_condition_fn=_worth_a_retry,
-    task_run_name="{stage}",
+    task_run_name="{step}",
 )
-def make_object(stage: str, config: StageConfig, sources: dict[str, Source], home: str) -> Record:
-    """Compute an object in a process of its own; raises StageFailed."""
-    return make(Store(Path(home)), stage_reading(stage, sources), config, sources, progress.reporter(stage))
+def make_object(stage: str, config: StageConfig, sources: dict[str, Source], home: str, step: str) -> Record:
+    """Compute an object in a process of its own; raises StageFailed. `step` is what the run calls it."""
+    return make(Store(Path(home)), stage_reading(stage, sources), config, sources, progress.reporter(step))
 
 
-def run_stage(store: Store, stage: Stage, config: StageConfig, sources: dict[str, Source]) -> Made:
-    """Make a stage's object through Prefect, and leave its table and pictures in the Prefect UI."""
-    cached = store.find(stage.name, key_of(stage, config, sources)) is not None
-    progress.started(stage.name)
-    record = make_object(stage.name, config, sources, str(store.root))
-    made = Made(stage, record, cached)
+def run_step(store: Store, step: Step, config: StageConfig, sources: dict[str, Source]) -> Made:
+    """Make a step's object through Prefect, and leave its table and pictures in the Prefect UI."""
+    cached = store.find(step.stage.name, key_of(step.stage, config, sources)) is not None
+    progress.started(step.name)
+    record = make_object(step.stage.name, config, sources, str(store.root), step.name)
+    made = Made(step, record, cached)
     progress.finished(made)
     artifacts.publish(store, made)
     return made

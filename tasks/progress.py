@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 class Listener(Protocol):
     """What a display of progress understands."""
 
-    def started(self, stage: str) -> None:
-        """A stage begins (it may turn out to be cached)."""
+    def started(self, step: str) -> None:
+        """A step begins (it may turn out to be cached)."""
 
-    def advanced(self, stage: str, done: int, total: int, what: str) -> None:
-        """A stage has done `done` of `total`."""
+    def advanced(self, step: str, done: int, total: int, what: str) -> None:
+        """A step has done `done` of `total`."""
 
     def finished(self, made: Made) -> None:
-        """A stage's object is there."""
+        """A step's object is there."""
 
 
 _listeners: list[Listener] = []
@@ -38,23 +38,23 @@ def listening(listener: Listener) -> Iterator[None]:
         _listeners.remove(listener)
 
 
-def started(stage: str) -> None:
-    """Pass on that a stage begins."""
+def started(step: str) -> None:
+    """Pass on that a step begins."""
     for listener in _listeners:
-        listener.started(stage)
+        listener.started(step)
 
 
 def finished(made: Made) -> None:
-    """Pass on that a stage's object is there."""
+    """Pass on that a step's object is there."""
     for listener in _listeners:
         listener.finished(made)
 
 
-def reporter(stage: str) -> Progress:
-    """Return the progress function of a stage."""
+def reporter(step: str) -> Progress:
+    """Return the progress function of a step."""
 
     def advanced(done: int, total: int, what: str) -> None:
         for listener in _listeners:
-            listener.advanced(stage, done, total, what)
+            listener.advanced(step, done, total, what)
 
     return advanced

@@ -1,79 +1,147 @@
-"""MLflow: one run per factory run, from the records, on cache hits too."""
+"""MLflow: told of every version from the records, on cache hits too; what it cannot be told now it is told later."""
 
 from __future__ import annotations
 
-import time
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from urllib.parse import urlsplit
 
-from mlflow.entities import Metric, Param
+from filelock import Timeout
+from mlflow.entities import LifecycleStage, Run, RunStatus
 from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
+from mlflow.utils.mlflow_tags import MLFLOW_PARENT_RUN_ID
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 from sqlalchemy.exc import SQLAlchemyError
 
-from aug3d_core.charts.scene_metrics import curves, flat_metrics, flat_params
-from aug3d_core.errors import StoreError
 from aug3d_core.store import layout
-from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import mlflow_address, records_of, version_metrics
 from aug3d_core.store.store import Store
+from tasks.outbox import Entry, my_turn, put, waiting
+from tasks.reach import unreachable
+from tasks.registry import name_published
+from tasks.version_run import log_version
 
-_METRICS, _PARAMS = 1000, 100  # MLflow refuses more in one call
+TROUBLE = (MlflowException, SQLAlchemyError, OSError)  # of the server, of the database, of the artifacts' folder
+_LATER = "the next run, or aug3d compare, logs"
+_PAGES = "workflowType=machine_learning"  # else MLflow shows the pages for language models
+_HERE = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass
+class Flushed:
+    """What came of telling MLflow: the run of each version by its folder's name, and why the rest has to wait."""
+
+    runs: dict[str, Run] = field(default_factory=dict)
+    waiting: str = ""
+
+
+@dataclass(frozen=True)
+class Logged:
+    """A version's run in MLflow and its page, if a server shows one; or why it is to be logged later."""
+
+    run_id: str = ""
+    url: str = ""
+    waiting: str = ""
 
 
 @task(cache_policy=NO_CACHE, task_run_name="log to MLflow")
-def log_run(home: Path, config: dict[str, Any], records: list[Record], metrics: dict[str, Any], report: Path) -> str:
-    """Log one factory run: settings, figures, curves, tags, pictures and the report; returns the MLflow run id.
+def log_run(home: Path, version: Path) -> Logged:
+    """Log a version that is written, and before it those that wait; trouble with MLflow is told, never raised."""
+    return _tell(Store(home), Entry(scene=version.parent.name, version=version.name))
 
-    Raises StoreError if MLflow's store cannot be used; report and metrics.json are on disk by then.
-    """
+
+def publish_model(store: Store, scene: str, version: str) -> Logged:
+    """Give the alias `published` to the model of a version (its folder's name), now or as soon as MLflow can be reached."""
+    return _tell(store, Entry(scene=scene, version=version, publish=True))
+
+
+def flush(store: Store) -> Flushed:
+    """Tell MLflow what waits, oldest first and each once; trouble with MLflow is told, never raised."""
+    flushed, address = Flushed(), mlflow_address(store)
     try:
-        return _log(MlflowClient(metrics["paths"]["mlflow"]), home, config, records, metrics, report)
-    except (MlflowException, SQLAlchemyError) as error:
-        raise StoreError(
-            f"the MLflow store {metrics['paths']['mlflow']} cannot be used: {str(error).splitlines()[0]}",
-            f"the results are safe in {report.parent}; mend or move that store and run again, nothing is computed twice",
-        ) from error
+        if why := unreachable(address):
+            raise ConnectionError(why)
+        with my_turn(store):
+            _flush(store, MlflowClient(address), flushed)
+    except Timeout:
+        flushed.waiting = f"another process is logging to MLflow; {_LATER} what it leaves"
+    except TROUBLE as error:
+        flushed.waiting = f"MLflow at {address} cannot be used: {said(error)}; {_LATER} what it was not told"
+    return flushed
 
 
-def _log(
-    client: MlflowClient,
-    home: Path,
-    config: dict[str, Any],
-    records: list[Record],
-    metrics: dict[str, Any],
-    report: Path,
-) -> str:
-    now_ms = int(time.time() * 1000)
-    run = client.create_run(
-        _experiment_id(client, home, metrics["scene"]),
-        run_name=f"{metrics['preset']} {report.parent.name}",
-        tags=_tags(records, metrics),
-    )
-    params = [Param(name, str(value)) for name, value in flat_params(config).items()]
-    for start in range(0, len(params), _PARAMS):
-        client.log_batch(run.info.run_id, params=params[start : start + _PARAMS])
-    values = [Metric(name, value, now_ms, 0) for name, value in flat_metrics(metrics).items()]
-    values += [Metric(name, value, now_ms, step) for name, step, value in curves(records)]
-    for start in range(0, len(values), _METRICS):
-        client.log_batch(run.info.run_id, metrics=values[start : start + _METRICS])
-    store = Store(home)
-    for record in records:
-        for path in record.pictures.values():
-            client.log_artifact(run.info.run_id, str(store.files_dir(record) / path), artifact_path=record.stage)
-    client.log_artifact(run.info.run_id, str(report))
-    client.set_terminated(run.info.run_id, status="FAILED" if metrics["state"] == "refused" else "FINISHED")
-    return run.info.run_id
-
-
-def _experiment_id(client: MlflowClient, home: Path, scene: str) -> str:
+def experiment_id(client: MlflowClient, home: Path, scene: str) -> str:
+    """Return the experiment of a scene, made if there is none and brought back if it was deleted."""
     found = client.get_experiment_by_name(scene)
-    if found:
-        return found.experiment_id
-    return client.create_experiment(scene, artifact_location=(home / layout.MLFLOW_ARTIFACTS / scene).as_uri())
+    if found is None:
+        return client.create_experiment(scene, artifact_location=_artifacts(client.tracking_uri, home, scene))
+    if found.lifecycle_stage == LifecycleStage.DELETED:
+        client.restore_experiment(found.experiment_id)
+    return found.experiment_id
 
 
-def _tags(records: list[Record], metrics: dict[str, Any]) -> dict[str, str]:
-    tags = {name: str(metrics[name]) for name in ("scene", "preset", "git", "state")}
-    return tags | {f"digest.{record.stage}": record.digest for record in records}
+def _artifacts(address: str, home: Path, scene: str) -> str | None:
+    """Return the store's folder for artifacts; a server elsewhere cannot read it and has a place of its own."""
+    if urlsplit(address).hostname not in (None, *_HERE):
+        return None
+    return (home / layout.MLFLOW_ARTIFACTS / scene).as_uri()
+
+
+def _tell(store: Store, entry: Entry) -> Logged:
+    put(store, entry)
+    flushed = flush(store)
+    if entry.version not in flushed.runs and not flushed.waiting:  # another process was first
+        put(store, entry)
+        flushed = flush(store)  # finds its run
+    run = flushed.runs.get(entry.version)
+    if run is None:
+        return Logged(waiting=flushed.waiting)
+    page = f"{mlflow_address(store).rstrip('/')}/#/experiments/{run.info.experiment_id}/runs/{run.info.run_id}?{_PAGES}"
+    return Logged(run.info.run_id, page if page.startswith("http") else "", flushed.waiting)
+
+
+def _flush(store: Store, client: MlflowClient, flushed: Flushed) -> None:
+    for file, entry in waiting(store):
+        try:
+            run = _send(store, client, entry)
+        except TROUBLE as error:
+            client.search_experiments(max_results=1)  # raises if the trouble is not of this version alone
+            flushed.waiting = f"MLflow refuses version {entry.version} of scene {entry.scene}: {said(error)}"
+            continue
+        if run is not None:
+            flushed.runs[entry.version] = run
+        file.unlink()  # last: a kill before it leaves an entry whose run is then found
+
+
+def _send(store: Store, client: MlflowClient, entry: Entry) -> Run | None:
+    """Log an entry's version unless it is logged; returns its run, None if the version is gone."""
+    version = store.root / layout.SCENES / entry.scene / entry.version
+    try:
+        metrics = version_metrics(version)
+    except FileNotFoundError:
+        return None
+    experiment = experiment_id(client, store.root, entry.scene)
+    run = _whole_run(client, experiment, entry.version)
+    if run is None:
+        run = log_version(client, store, experiment, version, metrics, records_of(store, metrics))
+    if entry.publish:
+        name_published(client, metrics)
+    return run
+
+
+def _whole_run(client: MlflowClient, experiment: str, version: str) -> Run | None:
+    """Return a version's run; one that a kill left half is deleted with what is nested in it."""
+    for run in client.search_runs([experiment], f"tags.version = '{version}'"):
+        if run.info.status != RunStatus.to_string(RunStatus.RUNNING):
+            return run
+        nested = client.search_runs([experiment], f"tags.`{MLFLOW_PARENT_RUN_ID}` = '{run.info.run_id}'")
+        for half in (*nested, run):
+            client.delete_run(half.info.run_id)
+    return None
+
+
+def said(error: Exception) -> str:
+    """Return the first line of what went wrong; MLflow's errors go on for pages."""
+    return (str(error) or type(error).__name__).splitlines()[0]

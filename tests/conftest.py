@@ -9,6 +9,8 @@ from pathlib import Path
 import hypothesis
 import pytest
 from jaxtyping import install_import_hook
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 # The shapes in the annotations are checked while testing; this must run before aug3d_core is imported.
 install_import_hook(
@@ -23,11 +25,34 @@ hypothesis.settings.load_profile("aug3d")
 REAL_PHOTOS = Path(__file__).parents[2] / "shared" / "data"
 
 
+_LONG = ("journeys", "infra", "engines", "flows", "tasks")  # folders, the longest first
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave real engines, real servers and whole journeys out of `make check`."""
+    """Leave real engines, real servers and whole journeys out of `make check`; long tests come first.
+
+    Processes that share the tests then end at about the same time.
+    """
     for item in items:
         if item.path.parent.name in ("engines", "journeys", "tasks"):
             item.add_marker("slow")
+    items.sort(key=lambda item: _LONG.index(item.path.parent.name) if item.path.parent.name in _LONG else len(_LONG))
+
+
+class Together(LoadScopeScheduling):
+    """A file's tests share what its fixtures make, and all journeys share a scene: one process takes them.
+
+    xdist's own groups have no effect in pytest 9.2, which no longer lets a test's id be changed.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0]
+        return "journeys" if Path(file).parent.name == "journeys" else file
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Together:
+    """Say how tests are shared among processes."""
+    return Together(config, log)
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +66,18 @@ def prefect(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
     with prefect_test_harness(server_startup_timeout=180):
         yield
+
+
+@pytest.fixture(scope="session")
+def fresh_mlflow(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make an empty database of MLflow's once, to be copied into a test's store: MLflow takes seconds for it."""
+    from mlflow.tracking import MlflowClient
+
+    from aug3d_core.store import layout
+
+    file = tmp_path_factory.mktemp("fresh") / layout.MLFLOW_DATABASE
+    MlflowClient(f"sqlite:///{file}").search_registered_models()
+    return file
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,8 @@ DOORS = {
     "cv2": {"aug3d_core/depth"},
     "open3d": {"aug3d_core/surface"},
     "bpy": {"aug3d_core/rendering"},
-    "torch": {"aug3d_core/nerf", "aug3d_core/formats/torch_files.py"},
+    "torch": {"aug3d_core/nerf", "aug3d_core/formats/torch_files.py", "aug3d_core/sampling/sam_worker.py"},
+    "transformers": {"aug3d_core/sampling/sam_worker.py"},
     "prefect": {"tasks", "flows"},
     "mlflow": {"tasks"},
 }

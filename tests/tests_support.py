@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import textwrap
 from pathlib import Path
 
@@ -73,3 +74,9 @@ def fake_stage(folder: Path, **changes: object) -> Stage:
     for name, text in {"__init__": "", "stage": _RUN, "__main__": _MAIN, "config": _CONFIG}.items():
         (package / f"{name}.py").write_text(textwrap.dedent(text))
     return Stage("fake", FakeConfig, (), "tests_fake.stage:run", (), "figure", **changes)  # type: ignore[arg-type]
+
+
+def hear_signals() -> None:
+    """Let a child hear Ctrl-C and the end of its terminal, though the tests were begun in the background, deaf to both."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)

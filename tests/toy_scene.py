@@ -115,7 +115,7 @@ def _pack(
         baseline_alpha=np.full((len(targets), height, width), 255, np.uint8),
         slab=slab,
         scale=ALTITUDE_M,
-        attributes={"leak_audit": "pass"},
+        attributes={"leak_audit": {"state": "pass"}},
     )
 
 

@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from aug3d_core.errors import StageFailed
 from aug3d_core.make import Material, gather, make
+from aug3d_core.needs.decision import Decision
+from aug3d_core.needs.settle import settle
 from aug3d_core.scene_config import SceneConfig, scene_config
 from aug3d_core.stage import Metric
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
 Say = Callable[[str, int, int, str], None]  # stage, done, total, what
+Damage = Callable[[str, Record], Record]  # what a stage made -> what the stages after it shall read
+
+
+def undamaged(stage: str, record: Record) -> Record:
+    """Hand on what a stage made as it is."""
+    return record
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The records of the stages that ran, by name, and why it ended early if it did."""
+    """The records of the stages that ran, by name, and why it ended early if it did: in words, and as StageFailed's cause."""
 
     records: Mapping[str, Record]
     failure: str = ""
+    cause: str = ""
+    decisions: tuple[Decision, ...] = ()  # where the preset leaves settings open
 
     def seconds(self, stages: Iterable[str]) -> float:
         """Return the wall time of some stages, whenever they ran."""
         return sum(self.records[stage].seconds for stage in stages if stage in self.records)
+
+    def cpu_seconds(self, stages: Iterable[str]) -> float:
+        """Return the processor time of some stages: what they cost whatever else the machine was doing."""
+        return sum(self.records[stage].cpu_seconds or 0.0 for stage in stages if stage in self.records)
 
     def peak_mib(self, stages: Iterable[str]) -> float:
         """Return the highest memory of some stages."""
@@ -49,27 +63,38 @@ class Measured:
 
 
 def run_trial(
-    store: Store, until: str, scene: Measured, overrides: Iterable[str], say: Say, photos: Path | None = None
+    store: Store,
+    until: str,
+    scene: Measured,
+    overrides: Iterable[str],
+    say: Say,
+    photos: Path | None = None,
+    damage: Damage = undamaged,
+    afresh: bool = False,
 ) -> Trial:
     """Make every stage up to and with `until`, of the town or of a folder of photographs.
 
-    A stage that fails ends the trial, not the benchmark: where a setting breaks is a result.
+    A stage that fails ends the trial, not the benchmark: where a setting breaks is a result. afresh: no stage grows from
+    what an earlier trial made, so that the order of trials is nothing to the result.
     """
     config = scene.config(overrides)
     records: dict[str, Record] = {}
+    decisions: tuple[Decision, ...] = ()
     material = Material(photos=photos)
     for stage in material.stages():
-        sources = gather(store, stage, records, material)
+        settled = settle(stage, config, records, store, material)
+        sources, decisions = gather(store, stage, records, material), decisions + settled.decisions
         try:
-            records[stage.name] = make(
+            made = make(
                 store,
-                stage,
-                getattr(config, stage.name),
+                replace(stage, grows=stage.grows and not afresh),
+                settled.config,
                 sources,
                 lambda done, total, what, name=stage.name: say(name, done, total, what),
             )
+            records[stage.name] = damage(stage.name, made)
         except StageFailed as failure:
-            return Trial(records, failure.problem)
+            return Trial(records, failure.problem, failure.cause, decisions)
         if stage.name == until:
             break
-    return Trial(records)
+    return Trial(records, decisions=decisions)

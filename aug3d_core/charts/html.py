@@ -8,10 +8,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.charts.thumbnails import thumbnail_jpeg
+from PIL import Image
 
-KEEP_PNG_BYTES = 150_000  # plots of this size stay as they are: JPEG would blur their lines
-PICTURE_PX = 1400
+from aug3d_core.charts.report_style import STYLE
+from aug3d_core.charts.thumbnails import encoded
+
+KEEP_BYTES = 100_000  # plots of this size stay as they are: smaller files would blur their lines
+PICTURE_PX = 1280
+WEBP_QUALITY = 74
 
 
 def tag(name: str, content: str = "", **attributes: str) -> str:
@@ -41,9 +45,24 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def percent(share: float | None, digits: int = 0) -> str:
+    """Return a share of 1 in percent; a dash for what is missing, and no zero for what is only little."""
+    if share is None:
+        return "-"
+    least = 0.5 * 10.0**-digits
+    return f"under {2 * least:g} %" if 0 < 100 * share < least else f"{100 * share:.{digits}f} %"
+
+
 def spaced(name: str) -> str:
     """Return an identifier as words."""
     return escape(name.replace("_", " "))
+
+
+def page(title: str, content: str, head: str = "", end: str = "") -> str:
+    """Return a whole page that needs no network; title is plain text, head and end are HTML of its own."""
+    meta = '<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">'
+    head = meta + tag("title", escape(title)) + tag("style", STYLE) + head
+    return f'<!doctype html><html lang="en"><head>{head}</head><body>{tag("main", content)}{end}</body></html>\n'
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numeric: Iterable[int] = ()) -> str:
@@ -57,12 +76,24 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numeric: Iterable
     return tag("div", tag("table", tag("thead", tag("tr", head)) + tag("tbody", body)), class_="scroll")
 
 
-def picture(path: Path, caption: str) -> str:
-    """Return a figure with the picture inside the page."""
-    if path.suffix == ".png" and path.stat().st_size <= KEEP_PNG_BYTES:
-        kind, data = "png", path.read_bytes()
-    else:
-        kind, data = "jpeg", thumbnail_jpeg(path, PICTURE_PX)
-    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-    image = f'<img src="{source}" alt="{escape(caption)}">'
-    return tag("figure", image + tag("figcaption", escape(caption)))
+def picture(path: Path, caption: str, longest_px: int = PICTURE_PX) -> str:
+    """Return a figure with the picture inside the page; animations (WebP) keep moving."""
+    with Image.open(path) as image:
+        image.load()
+        moves, small = getattr(image, "is_animated", False), path.stat().st_size <= KEEP_BYTES
+        if moves or (small and image.format in ("PNG", "WEBP")):
+            kind, data, size = str(image.format).lower(), path.read_bytes(), image.size
+        else:
+            copy = image.convert("RGB")
+            copy.thumbnail((longest_px, longest_px))
+            kind, data, size = "webp", encoded(copy, "WEBP", quality=WEBP_QUALITY), copy.size
+    width, height = map(str, size)  # known before it is decoded, so that nothing jumps
+    image_tag = (
+        f'<img src="{data_uri(kind, data)}" alt="{escape(caption)}" width="{width}" height="{height}" decoding="async">'
+    )
+    return tag("figure", image_tag + tag("figcaption", escape(caption)))
+
+
+def data_uri(kind: str, data: bytes) -> str:
+    """Return the bytes of a picture as an address that needs no file."""
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"

@@ -1,4 +1,4 @@
-"""The report's style sheet: one column on a phone, pictures side by side on a laptop, light and dark."""
+"""The style sheets of pages: one column on a phone, pictures side by side on a laptop, light and dark."""
 
 STYLE = """
 :root{color-scheme:light dark;--bg:#f7f6f3;--card:#fff;--ink:#1d2327;--dim:#667078;--line:#e2e0da;--main:#1f6f8b;
@@ -25,7 +25,7 @@ p{margin:6px 0}
 .note{border-left:3px solid var(--warn);padding:2px 0 2px 12px;margin:8px 0}
 .failure{border-color:var(--bad)}
 .failure pre{white-space:pre-wrap;overflow-wrap:anywhere}
-svg{width:100%;height:auto;display:block;font-family:inherit}
+svg:not(.main-svg){width:100%;height:auto;display:block;font-family:inherit}
 svg text{fill:var(--ink);font-size:14px}
 svg .tick{fill:var(--dim);font-size:12px}
 svg .value{fill:var(--dim)}svg .strong{font-weight:650;fill:var(--ink)}
@@ -47,7 +47,7 @@ td .share{display:inline-block;height:8px;border-radius:4px;background:var(--mai
 .figures b{color:var(--ink);font-weight:550;font-variant-numeric:tabular-nums}
 .pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,400px),1fr));gap:16px;align-items:start}
 figure{margin:0}
-img{width:100%;max-height:620px;object-fit:contain;object-position:left top;display:block;border-radius:6px}
+img{width:100%;height:auto;max-height:620px;object-fit:contain;object-position:left top;display:block;border-radius:6px}
 figcaption{font-size:.86rem;color:var(--dim);margin-top:5px}
 details{margin-top:8px}
 summary{cursor:pointer;color:var(--dim);font-size:.92rem}
@@ -55,6 +55,82 @@ pre,code{font:.82rem/1.45 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace}
 pre{overflow-x:auto;background:var(--soft);padding:12px;border-radius:8px}
 td code{overflow-wrap:anywhere}
 @media(max-width:700px){main{padding:18px 12px 40px}.hero{grid-template-columns:1fr;gap:14px}.card{padding:14px}
-h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}.wide svg text{font-size:16px}}
+h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}}
 @media print{body{background:#fff}.card,.scroll,figure{break-inside:avoid}}
+"""
+
+# What only the scene report has
+REPORT_STYLE = """
+:root{--g0:#4363d8;--g1:#3cb44b;--g2:#ffe119;--g3:#b245d6;--g4:#42d4f4;--g5:#9a6324;--g6:#bfef45;--g7:#f032e6;--g8:#008080;
+--g9:#dcbeff;--gap:#9aa3a8;--target:#d7191c}
+section{scroll-margin-top:52px}
+section>.scroll,section>.card,section>.curves,section>.tables,section>.tall,section>.wrapped{margin:12px 0}
+h3{margin-top:22px}.card h3{margin-top:0}
+nav{position:sticky;top:0;z-index:2;display:flex;gap:2px 15px;overflow-x:auto;background:var(--bg);padding:9px 0;
+border-bottom:1px solid var(--line);font-size:.9rem;white-space:nowrap}
+nav a{color:var(--main);text-decoration:none;padding:2px 0}nav a:hover,nav a:focus{text-decoration:underline}
+.note.ok{border-color:var(--main);color:inherit}.note.degraded{border-color:var(--warn);color:inherit}
+.lights{list-style:none;margin:14px 0;display:grid;gap:0 34px;
+grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr))}
+.lights li{display:grid;grid-template-columns:4.6em 1fr auto;gap:0 10px;padding:6px 0;align-content:start;
+border-bottom:1px solid var(--line)}
+.lights b{font-weight:550}.lights .says{text-align:right;font-variant-numeric:tabular-nums}
+.lights small{grid-column:2/4;color:var(--dim)}
+.light{font-size:.82rem;font-weight:600;white-space:nowrap}
+.light::before{content:"";display:inline-block;width:.75em;height:.75em;border-radius:50%;background:currentColor;margin-right:6px}
+.good{color:var(--good)}.check{color:var(--warn)}.bad{color:var(--bad)}
+.map svg{max-height:74vh;background:var(--soft);border-radius:6px}
+.layers,.legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.88rem;margin:0 0 10px}
+.legend{margin:10px 0 0}
+.layers label{cursor:pointer}
+.key{display:inline-block;width:12px;height:12px;border-radius:50%;margin-right:6px;vertical-align:-1px;border:1px solid #0005}
+.cam,.dome{r:var(--r)}.cam{stroke:#000;stroke-width:1.6;fill:#fff}.cam:hover{stroke:#fff;stroke-width:3}
+.cam.g0{fill:var(--g0)}.cam.g1{fill:var(--g1)}.cam.g2{fill:var(--g2)}.cam.g3{fill:var(--g3)}.cam.g4{fill:var(--g4)}
+.cam.g5{fill:var(--g5)}.cam.g6{fill:var(--g6)}.cam.g7{fill:var(--g7)}.cam.g8{fill:var(--g8)}.cam.g9{fill:var(--g9)}
+.key.train{background:conic-gradient(var(--g0),var(--g2),var(--g1),var(--g6),var(--g3),var(--g7),var(--g0))}
+.cam.gap{fill:var(--gap);r:calc(.75*var(--r))}.key.gap{background:var(--gap)}.key.placed{background:#fff}
+.cam.support{fill:#fff;stroke:#e07b00;stroke-width:3.5}.key.support{background:#fff;border:3px solid #e07b00}
+.cam.target{fill:var(--target);stroke:#fff;stroke-width:3;r:calc(1.3*var(--r))}
+.key.target{background:var(--target);border:2px solid #fff;box-shadow:0 0 0 1px #0006}
+.map .look{stroke:#fff;stroke-width:1.4;fill:none;opacity:.75}
+.gps-error{stroke:#ffea00;stroke-width:2.4;fill:none}
+.cell{fill:none;stroke:#fff;stroke-width:1.5;stroke-dasharray:7 6}.dome{fill:#00e5ff;stroke:#000;stroke-width:1.5}
+.passed{stroke:#fff;stroke-width:2;fill:none;opacity:.8}
+.virtual{stroke:#000;stroke-width:6;stroke-linecap:round;fill:none}
+.domes .virtual{stroke:#00e5ff}
+.picking .cam{opacity:.25}.picking .cam.picked{opacity:1}.picking .cam.chosen{stroke:#fff;stroke-width:4}
+.scale{stroke:var(--ink);stroke-width:2.5;fill:none}
+svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
+.map:has(.show-ground:not(:checked)) g.ground,.map:has(.show-looks:not(:checked)) g.looks,
+.map:has(.show-domes:not(:checked)) g.domes,.map:has(.show-gps:not(:checked)) g.gps,
+.map:has(.show-cams:not(:checked)) g.cams{display:none}
+image{image-rendering:auto}
+.tall .scroll{max-height:440px;overflow-y:auto}.tall thead th{position:sticky;top:0;background:var(--card)}
+.tables{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,330px),1fr));gap:0 18px;align-items:start}
+.wrapped td:last-child,.last-wraps td:last-child{white-space:normal;min-width:240px}.wrapped td{vertical-align:top}
+.tables td:first-child,.halves td:first-child{white-space:normal}
+.halves{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,440px),1fr));gap:16px;align-items:start}
+section .pictures{display:block;columns:2 400px;column-gap:16px}.pictures figure{break-inside:avoid;margin-bottom:14px}
+section .panels{columns:auto;display:grid}
+.costs{display:grid;grid-template-columns:max-content 1fr 1fr;gap:5px 16px;align-items:center;font-size:.9rem}
+.costs .head{color:var(--dim);font-size:.82rem}
+.cost{display:flex;align-items:center;gap:8px;min-width:0}.cost small{white-space:nowrap;font-variant-numeric:tabular-nums}
+.cost i{height:14px;border-radius:3px;min-width:2px;background:var(--main)}.cost .memory{background:var(--other)}
+.curves svg,.wide svg{overflow:visible}
+figure img{cursor:zoom-in}
+dialog button{position:fixed;top:8px;right:8px;width:44px;height:44px;border:0;border-radius:50%;font-size:24px;
+background:#000a;color:#fff;cursor:pointer}
+dialog{border:0;padding:0;background:#000;max-width:100vw;max-height:100vh;overflow:auto}
+dialog::backdrop{background:#000c}
+dialog img{max-height:96vh;max-width:98vw;width:auto;height:auto;cursor:zoom-in;border-radius:0}
+dialog img.full{max-height:none;max-width:none;cursor:zoom-out}
+@media(max-width:700px){.cam,.dome{r:calc(1.7*var(--r))}
+.cam.gap{r:calc(1.3*var(--r))}.cam.target{r:calc(2.1*var(--r))}svg .scale-text{font-size:34px}
+.curves svg text{font-size:15.5px}.wide svg text{font-size:18px}.virtual{stroke-width:9}
+.costs{grid-template-columns:1fr 1fr;gap:2px 12px}.costs .name{grid-column:1/3;margin-top:6px}
+.costs>span:first-child{display:none}.cost,.cost i{display:block}
+.wrapped thead{display:none}.wrapped tr{display:block;padding:7px 12px;border-bottom:1px solid var(--line)}
+.wrapped td{display:block;border:0;padding:1px 0;white-space:normal}}
+@media print{nav,.layers{display:none}.tall .scroll{max-height:none}section{break-before:auto}h2,h3{break-after:avoid}
+*{print-color-adjust:exact}}
 """

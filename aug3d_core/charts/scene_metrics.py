@@ -1,15 +1,20 @@
-"""The figures of one factory run in the shape of `metrics.json`, and flat for MLflow."""
+"""The figures of one factory run in the shape of `metrics.json`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from aug3d_core.charts.pooled import pooled
 from aug3d_core.errors import Aug3dError
+from aug3d_core.folds import Step, fold_count
+from aug3d_core.nerf.summary import CHEAP
 from aug3d_core.store.record import Record
 
 _GROUPS = ("best", "low", "average")
-_CHEAP = ("mean_colour", "nearest_copy", "ground_homography", "mesh_render")
+
+Made = Sequence[tuple[Step, Record, Path]]  # the step, its record, the folder with its files
 
 
 def scene_metrics(
@@ -17,14 +22,17 @@ def scene_metrics(
     preset: str,
     git: str,
     seconds: float,
-    records: Sequence[tuple[Record, bool]],
+    made: Made,
+    cached: Collection[str] = (),
     failure: Aug3dError | None = None,
 ) -> dict[str, Any]:
-    """Return the figures of a run; `records` pairs each finished stage with whether it was cached.
+    """Return the figures of a run; `cached` names the steps that did not have to be computed.
 
-    The state is refused when a stage failed, degraded when one was, ok otherwise.
+    The state is refused when a stage failed, degraded when one was, ok otherwise. A scene that is made in folds has figures
+    of its views' synthesis once all are tested, and they are over all of them.
     """
-    states = {record.state for record, _ in records}
+    records = {step.name: record for step, record, _ in made}
+    states = {record.state for record in records.values()}
     state = "refused" if failure else "degraded" if "degraded" in states else "ok"
     result: dict[str, Any] = {
         "scene": scene,
@@ -32,20 +40,22 @@ def scene_metrics(
         "preset": preset,
         "git": git,
         "seconds": round(seconds, 1),
-        "peak_mib": max((record.peak_mib for record, _ in records), default=0.0),
-        "stages": {record.stage: _stage_figures(record, cached) for record, cached in records},
+        "peak_mib": max((record.peak_mib for record in records.values()), default=0.0),
+        "stages": {name: _stage_figures(record, name in cached) for name, record in records.items()},
     }
     if failure:
         result["failure"] = {"problem": failure.problem, "remedy": failure.remedy}
-    evaluation = next((record for record, _ in records if record.stage == "evaluation"), None)
-    if evaluation is not None:
-        result["nvs"] = _view_synthesis(evaluation.metrics)
+    tests = [(record, folder) for step, record, folder in made if step.stage.name == "evaluation"]
+    if tests and len(tests) == fold_count(records):
+        result["nvs"] = _view_synthesis(pooled(tests))
+        result["nvs"]["fold_psnr_means"] = [record.metrics["test_psnr_mean"] for record, _ in tests]
     return result
 
 
 def _stage_figures(record: Record, cached: bool) -> dict[str, Any]:
     return {
         "seconds": record.seconds,
+        "cpu_seconds": record.cpu_seconds,
         "peak_mib": record.peak_mib,
         "cached": cached,
         "state": record.state,
@@ -65,28 +75,7 @@ def _view_synthesis(metrics: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **plain,
         "test_psnr_ci": [metrics["test_psnr_ci_low"], metrics["test_psnr_ci_high"]],
+        "conventions": metrics.get("conventions"),  # results are compared only where these are the same
         "groups": {name: metrics[f"group_{name}"] for name in _GROUPS},
-        "cheap": {name: metrics[f"cheap_{name}"] for name in _CHEAP},
+        "cheap": {name: metrics[f"cheap_{name}"] for name in CHEAP},
     }
-
-
-def flat_metrics(metrics: Mapping[str, Any]) -> dict[str, float]:
-    """Return every number of a run as `stage.name`, with seconds and memory per stage: the columns of a comparison."""
-    flat = {"seconds": metrics["seconds"], "peak_mib": metrics["peak_mib"]}
-    for stage, figures in metrics["stages"].items():
-        flat |= {f"{stage}.seconds": figures["seconds"], f"{stage}.peak_mib": figures["peak_mib"]}
-        flat |= {f"{stage}.{name}": value for name, value in figures["metrics"].items()}
-    return {name: float(value) for name, value in flat.items() if isinstance(value, int | float)}
-
-
-def flat_params(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene's configuration as `stage.field`."""
-    return {f"{stage}.{name}": value for stage, fields in config.items() for name, value in fields.items()}
-
-
-def curves(records: Iterable[Record]) -> Iterator[tuple[str, int, float]]:
-    """Yield (`stage.name`, step, value) of every curve, training's PSNR for one."""
-    for record in records:
-        for name, curve in record.series.items():
-            for step, value in curve:
-                yield f"{record.stage}.{name}", step, value

@@ -1,4 +1,4 @@
-"""Small JPEG copies of pictures, for places that embed them."""
+"""Small copies of pictures, for places that embed them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ def thumbnail_jpeg(picture: Path, max_px: int = 1000) -> bytes:
     with Image.open(picture) as image:
         small = image.convert("RGB")
         small.thumbnail((max_px, max_px))
+    return encoded(small, "JPEG", quality=85)
+
+
+def encoded(image: Image.Image, kind: str, **options: int | bool) -> bytes:
+    """Return a picture as the bytes of a file of this kind."""
     buffer = io.BytesIO()
-    small.save(buffer, "JPEG", quality=85)
+    image.save(buffer, kind, **options)
     return buffer.getvalue()

@@ -30,8 +30,23 @@ class RenderedViews:
     domes_dropped: int
 
 
+def no_rendered(config: DatasetConfig) -> RenderedViews:
+    """Return what a data set of photographs alone holds of renders: nothing."""
+    size = (config.height_px, config.width_px)
+    return RenderedViews(
+        np.zeros((0, *size, 3), np.uint8),
+        np.zeros((0, *size), np.uint8),
+        np.zeros((0, *size), np.float16),
+        np.zeros((0, 4, 4)),
+        np.zeros((0, 4)),
+        np.zeros((0, 2)),
+        np.zeros(0, np.int32),
+        0,
+    )
+
+
 def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, config: DatasetConfig) -> RenderedViews:
-    """Collect the kept renders of every dome that still has `members` of them."""
+    """Collect the kept renders of every dome that still has `members` of them; none where no views were planned."""
     table = pd.read_parquet(rendering / layout.RENDER_TABLE).sort_values(["dome_id", "view_id"])
     kept = _whole_domes(table, members)
     with np.load(sampling / layout.CAMERAS, allow_pickle=False) as file:

@@ -1,4 +1,7 @@
-"""The stage `dataset`: sfm + grouping + surface + sampling + rendering -> one Zarr store."""
+"""The stage `dataset`: sfm + grouping + surface + sampling + rendering -> one Zarr store.
+
+Without sampling and rendering it packs photographs alone: what a study compares renders with.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +17,16 @@ from aug3d_core.dataset.bounds import edge_rays
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.contact import save_contact_sheet
 from aug3d_core.dataset.images import CONVENTION, fit
-from aug3d_core.dataset.leaks import leaks, mesh_leaks
+from aug3d_core.dataset.leaks import Check, Sight, audit, report
 from aug3d_core.dataset.real import RealViews, pack_real
-from aug3d_core.dataset.rendered import RenderedViews, pack_rendered
+from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendered
 from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.dataset.writer import write
 from aug3d_core.errors import InputError
-from aug3d_core.geometry.views import Points, Views
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.grouping.footprint import footprints
+from aug3d_core.grouping.similarity import look_positions, visibility
 from aug3d_core.stage import Outcome, Progress
 from aug3d_core.store import layout
 
@@ -56,21 +61,28 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
     progress(0, 4, "photographs")
     real = pack_real(inputs["sfm"], inputs["grouping"], slab, config)
     progress(1, 4, "renders")
-    rendered = pack_rendered(inputs["sampling"], inputs["rendering"], members.shape[1], slab, config)
+    rendered = (
+        pack_rendered(inputs["sampling"], inputs["rendering"], members.shape[1], slab, config)
+        if "rendering" in inputs
+        else no_rendered(config)
+    )
     baseline = _baseline(inputs["sfm"], inputs["surface"], np.unique(test_members[:, 0]), config)
     scene = _assemble(inputs, config, slab, real, rendered, baseline, {"real": members, "test": test_members})
     sources = json.loads((inputs["surface"] / layout.MESH_SOURCES).read_text())
-    found = leaks(scene) + mesh_leaks(scene, sources)
+    checks = audit(scene, sources, _sight(inputs["sfm"], points))
+    found = [sentence for check in checks if check.hard for sentence in check.found]
     if found:
         raise InputError(
             f"the data set leaks: {found[0]} ({len(found)} in all)", "run the stages from grouping on again"
         )
+    scene.attributes["leak_audit"] = report(checks, scene, sources)
+    (out / layout.LEAK_AUDIT).write_text(json.dumps(scene.attributes["leak_audit"], indent=1))
     progress(2, 4, "writing")
     write(check(scene, layout.SCENE_ZARR), out / layout.SCENE_ZARR, config.shard_views)
     progress(3, 4, "contact sheet")
     save_contact_sheet(scene, out / "contact_sheet.png")
     progress(4, 4, "done")
-    return _outcome(scene, real, rendered, out)
+    return _outcome(scene, checks, real, rendered, "rendering" in inputs, out)
 
 
 def _assemble(
@@ -106,10 +118,15 @@ def _assemble(
             "conventions": CONVENTIONS,
             "config": config.model_dump(mode="json"),
             "counts": {"real": n, "rendered": m, "groups_real": len(groups["real"]), "groups_rendered": m // k},
-            "inputs": {f"{stage}/{name}": _digest(inputs[stage] / name) for stage, name in SOURCES},
-            "leak_audit": "pass",
+            "inputs": {f"{stage}/{name}": _digest(inputs[stage] / name) for stage, name in SOURCES if stage in inputs},
         },
     )
+
+
+def _sight(sfm: Path, points: Points) -> Sight:
+    tracks, count = Tracks.load(sfm / layout.TRACKS), len(Views.load(sfm / layout.VIEWS))
+    look, _ = look_positions(tracks, points.xyz, count)
+    return Sight(look, footprints(tracks, points.xyz, look), visibility(tracks, count, len(points.xyz)))
 
 
 def ground_distance(slab: Slab, real: RealViews) -> float:
@@ -143,13 +160,17 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _outcome(scene: Scene, real: RealViews, rendered: RenderedViews, out: Path) -> Outcome:
+def _outcome(
+    scene: Scene, checks: list[Check], real: RealViews, rendered: RenderedViews, renders_wanted: bool, out: Path
+) -> Outcome:
     size = sum(file.stat().st_size for file in (out / layout.SCENE_ZARR).rglob("*") if file.is_file())
     notes = []
     if rendered.domes_dropped:
         notes.append(f"{rendered.domes_dropped} domes lost a view to the render checks and are no groups")
-    if not len(rendered.images):
-        notes.append("no dome is left whole: the data set holds photographs alone")
+    if renders_wanted and not len(rendered.images):
+        why = "no dome is left whole" if rendered.domes_dropped else "no virtual views were planned"
+        notes.append(f"{why}: the data set holds photographs alone")
+    notes += [f"leak audit: {check.name} is {check.figure:g}, not {check.rule}" for check in checks if not check.passed]
     return Outcome(
         metrics={
             "views": len(scene),
@@ -162,9 +183,10 @@ def _outcome(scene: Scene, real: RealViews, rendered: RenderedViews, out: Path) 
             "kept_by_crop_share": round(real.kept_share, 4),
             "slab_thickness": round(scene.slab.high - scene.slab.low, 4),
             "bytes": size,
-            "leak_audit": "pass",
+            "leak_audit": scene.attributes["leak_audit"]["state"],
+            **{check.metric: check.figure for check in checks},
         },
-        state="ok" if len(rendered.images) else "degraded",
+        state="degraded" if rendered.domes_dropped and not len(rendered.images) else "ok",
         notes=tuple(notes),
         pictures={"Groups: real, rendered, test (a row each)": "contact_sheet.png"},
     )

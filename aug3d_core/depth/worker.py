@@ -1,14 +1,12 @@
 """The depth process: `python -m aug3d_core.depth.worker job.json` works through one share of the photographs.
 
 A process of its own, because OpenCV and pycolmap in one process corrupt memory; on one thread, so that two of them fill two
-cores and a photograph's result does not depend on how many there are. Each photograph done is a line on standard output:
-`photo PLANES` after a sweep, `photo KEPT_SHARE` after a comparison.
+cores and a photograph's result does not depend on how many there are. It reports a number for each photograph done: the
+planes tried in a sweep, the share kept in a comparison.
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -24,8 +22,8 @@ from aug3d_core.depth.normals import normals_of
 from aug3d_core.depth.search import Range, families_for, ranges_for, reduced
 from aug3d_core.depth.sweep import Photo, sweep
 from aug3d_core.geometry.views import Views
-from aug3d_core.parent import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
+from aug3d_core.worker import begin
 
 LEAST_SCORE = 0.4
 # Other depth maps that agree. Measured on two town photographs: asking for two keeps 54 to 58 % of the facades' pixels, not
@@ -91,21 +89,19 @@ def compare_photo(share: _Share, task: PhotoTask) -> float:
     depth = np.where(found.agreeing >= ENOUGH_AGREE, found.depth, np.float32(0))
     name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
     depth = without_islands(depth)
-    write_map(share.job.workspace / "stereo/depth_maps" / name, depth)
-    write_map(share.job.workspace / "stereo/normal_maps" / name, normals_of(depth, own.camera))
+    write_map(share.job.workspace / layout.WORKSPACE_DEPTH_MAPS / name, depth)
+    write_map(share.job.workspace / layout.WORKSPACE_NORMAL_MAPS / name, normals_of(depth, own.camera))
     return float((depth > 0).mean())
 
 
 def main() -> None:
     """Work through the job named on the command line."""
-    if SUPERVISED in os.environ:
-        die_with_parent()
+    job, report = begin(DepthJob)
     cv2.setNumThreads(1)
-    job = DepthJob.model_validate_json(Path(sys.argv[1]).read_text())
     share = _Share(job)
     work = sweep_photo if job.step == "sweep" else compare_photo
     for task in job.tasks:
-        print("photo", work(share, task), flush=True)
+        report(str(work(share, task)))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,6 @@ from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.store import layout
 
 IMAGES, SPARSE, STEREO = "images", "sparse", "stereo"
-DEPTH_MAPS, NORMAL_MAPS = "stereo/depth_maps", "stereo/normal_maps"
 PATCH_MATCH_LIST, FUSION_LIST = "stereo/patch-match.cfg", "stereo/fusion.cfg"
 
 
@@ -31,7 +30,13 @@ def write_workspace(
     chosen: list[int],
 ) -> None:
     """Write images and sparse model of the chosen views, and empty folders for their maps."""
-    for name in (IMAGES, SPARSE, DEPTH_MAPS, NORMAL_MAPS, "stereo/consistency_graphs"):
+    for name in (
+        IMAGES,
+        SPARSE,
+        layout.WORKSPACE_DEPTH_MAPS,
+        layout.WORKSPACE_NORMAL_MAPS,
+        "stereo/consistency_graphs",
+    ):
         (folder / name).mkdir(parents=True)
     for view in chosen:
         name = layout.image_name(views.photo_id[view])

@@ -16,7 +16,8 @@ import numpy as np
 from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.formats.cameras import world_from_gl
 from aug3d_core.formats.colmap_text import write_model
-from aug3d_core.formats.recognise import COLMAP, NERFSTUDIO, TRANSFORMS
+from aug3d_core.formats.folder import check_empty
+from aug3d_core.formats.recognise import COLMAP, DTU, NERFSTUDIO, TRANSFORMS
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -35,9 +36,8 @@ def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
     Raises UsageError if the folder is not empty, StoreError if the scene's files are gone.
     """
     if form not in FORMATS:
-        raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join(FORMATS)}")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder} is not an empty folder", "name a new folder, so that nothing there is overwritten")
+        raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join((*FORMATS, DTU))}")
+    check_empty(folder)
     if not ((sfm / layout.VIEWS).is_file() and (photos / layout.PHOTO_TABLE).is_file()):
         raise StoreError(f"the scene's files are gone from {sfm} or {photos}", "run the scene again, then export it")
     views, points = Views.load(sfm / layout.VIEWS), Points.load(sfm / layout.POINTS)

@@ -10,6 +10,7 @@ from aug3d_core.errors import InputError
 from aug3d_core.photos.discover import file_digest
 
 COLMAP, NERFSTUDIO, MEGA_NERF = "colmap", "nerfstudio", "mega-nerf"
+DTU = "dtu"  # written, never read
 TRANSFORMS = "transforms.json"
 COORDINATES, MAPPINGS, METADATA = "coordinates.pt", "mappings.txt", "metadata"
 SPLITS = ("train", "val")

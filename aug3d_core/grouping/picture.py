@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from scipy import sparse
@@ -39,28 +40,30 @@ def draw_grouping(
     look_in_world: Float[np.ndarray, "n 2"],
     split: Split,
     members: Int[np.ndarray, "c k"],
+    method: str,
     path: Path,
 ) -> None:
-    """Write two maps side by side: where the views of each role look, and the members of the first groups."""
+    """Write two maps side by side: the cameras of each role, and those of the first groups."""
     figure = Figure(figsize=(13, 6.5), layout="constrained")
     FigureCanvasAgg(figure)
     roles, groups = figure.subplots(1, 2)
     for role, colour in _ROLE_COLOURS.items():
         chosen = split.views(role)
         at, look = centres_in_world[chosen], look_in_world[chosen]
-        roles.plot(*np.stack([at, look]).transpose(2, 0, 1), color=colour, lw=1, alpha=0.5)
+        roles.add_collection(LineCollection([*np.stack([at, look], axis=1)], colors=colour, linewidths=1, alpha=0.5))
         label = f"{role} ({len(chosen)})"
         roles.scatter(*at.T, s=30, color=colour, edgecolors="black", linewidths=0.4, label=label, zorder=3)
     roles.legend()
     roles.set(title="Roles: cameras, and where they look")
     roles.set_aspect("equal", adjustable="datalim")
-    groups.scatter(*look_in_world.T, s=12, color="lightgrey")
-    for number, group in enumerate(members[:_GROUPS_DRAWN]):
-        look = look_in_world[group]
-        for member in look[1:]:
-            groups.plot(*np.stack([look[0], member]).T, color=f"C{number}", lw=1, alpha=0.7)
-        groups.scatter(*look[0], s=60, color=f"C{number}", edgecolors="black", zorder=3)
+    groups.scatter(*centres_in_world.T, s=12, color="lightgrey")
     drawn = min(len(members), _GROUPS_DRAWN)
-    groups.set(title=f"{drawn} of {len(members)} groups: where centre and members look")
+    for number, group in enumerate(members[:drawn]):
+        at, colour, size = centres_in_world[group], f"C{number}", 14 + 22 * (drawn - number)
+        lines = np.stack([at, look_in_world[group]], axis=1)
+        groups.add_collection(LineCollection([*lines], colors=colour, linewidths=1, alpha=0.6))
+        groups.scatter(*at.T, s=size, color=colour, linewidths=0, zorder=3 + number)  # a ring for each group it is in
+        groups.scatter(*at[0], s=160, marker="*", color=colour, edgecolors="black", zorder=20)
+    groups.set(title=f"{drawn} of {len(members)} groups by {method}: cameras, and where they look")
     groups.set_aspect("equal", adjustable="datalim")
     figure.savefig(path, dpi=100, metadata={"Software": None})

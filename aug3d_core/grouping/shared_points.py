@@ -1,29 +1,43 @@
-"""Group views by shared points: centres spread evenly over the scene, and the views that share most with each."""
+"""Group views by shared points: centres spread evenly over the scene, and the views that share most with each.
+
+What two views share is told as a share: the count over the geometric mean of what each sees. A view from high up that
+shares points with everybody (a hub) is then no one's nearest, and views full of texture are not favoured.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Int
 
+from aug3d_core.grouping.config import GroupingConfig
 from aug3d_core.grouping.scene import GroupingScene
-from aug3d_core.grouping.spread import farthest_points
+from aug3d_core.grouping.similar import Likeness, group_by, lonely, most_similar
+
+OVERLAPS = 0.05  # Shared share from which two views overlap; `cluster_size.py` tells where the figure comes from
 
 
 def group(
-    scene: GroupingScene, candidates: Int[np.ndarray, " m"], k: int, count: int, rng: np.random.Generator
+    scene: GroupingScene,
+    candidates: Int[np.ndarray, " m"],
+    k: int,
+    count: int,
+    config: GroupingConfig,
+    rng: np.random.Generator,
 ) -> Int[np.ndarray, "c k"]:
-    """Return the members of each group, centre first, then by shared points. Nothing is random: `rng` is not used."""
-    centres = candidates[farthest_points(scene.look_in_world[candidates], count)]
-    return np.stack([most_shared(scene, centre, candidates, k) for centre in centres.tolist()])
+    """Return the members of each group, centre first, then by shared points. Nothing is set or random here."""
+    return group_by(likeness(scene), scene, candidates, k, count)
+
+
+def excluded(scene: GroupingScene, candidates: Int[np.ndarray, " m"], k: int) -> dict[str, Int[np.ndarray, " x"]]:
+    """Return the candidates that share too little with too many to be the centre of a group."""
+    return {"it overlaps with too few others": lonely(likeness(scene), candidates, k)}
 
 
 def most_shared(scene: GroupingScene, centre: int, candidates: Int[np.ndarray, " m"], k: int) -> Int[np.ndarray, " k"]:
-    """Return a view and the k - 1 other candidates that share most points with it.
+    """Return a view and the k - 1 other candidates that share most points with it."""
+    return most_similar(likeness(scene), scene, centre, candidates, k)
 
-    Among equals, and so among those that share nothing, the one that looks nearest comes first, then the earlier photo.
-    """
-    others = candidates[candidates != centre]
-    shared = scene.shared[[centre]].toarray()[0, others]
-    away = np.linalg.norm(scene.look_in_world[others] - scene.look_in_world[centre], axis=1)
-    order = np.lexsort((scene.views.photo_id[others], away, -shared))
-    return np.concatenate([[centre], others[order[: k - 1]]])
+
+def likeness(scene: GroupingScene) -> Likeness:
+    """Return the shared points as a share, and from when on they tell of overlap."""
+    return Likeness(scene.shared_share, OVERLAPS)

@@ -2,56 +2,69 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
-from scipy import sparse
+from jaxtyping import Int
 
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.geometry.views import Tracks
 from aug3d_core.grouping import shared_points
-from aug3d_core.grouping.audit import leak_shared_share, shared_within
+from aug3d_core.grouping.audit import (
+    apart_shares,
+    group_doubts,
+    jaccard_mean,
+    shared_within,
+    split_doubts,
+    split_figures,
+    split_remarks,
+)
+from aug3d_core.grouping.cluster_size import cluster_size
 from aug3d_core.grouping.config import GroupingConfig
+from aug3d_core.grouping.footprint import footprints
+from aug3d_core.grouping.left_out import left_out, remarks
+from aug3d_core.grouping.methods import METHODS
 from aug3d_core.grouping.picture import draw_grouping
+from aug3d_core.grouping.read_scene import read_scene
 from aug3d_core.grouping.scene import GroupingScene
-from aug3d_core.grouping.similarity import look_positions, visibility
+from aug3d_core.grouping.similarity import visibility
 from aug3d_core.grouping.split import Role, Split, split_views
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
 
-_NO_GAP = 0.5  # training that sees more than this of the test block makes the test say little
-
 
 def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -> Outcome:
     """Split the views, group those for training, and give each target the support views it shares most with."""
-    views = Views.load(inputs["sfm"] / layout.VIEWS)
-    points = Points.load(inputs["sfm"] / layout.POINTS)
+    scene = read_scene(inputs)
     tracks = Tracks.load(inputs["sfm"] / layout.TRACKS)
-    shared = sparse.csr_array(sparse.load_npz(inputs["similarity"] / layout.SHARED_POINTS))
-    visible = visibility(tracks, len(views), len(points.xyz))
-    scene = GroupingScene(views, shared, _look(tracks, points, views))
-    split = split_views(scene.look_in_world, views.photo_id, visible, config.test_share, config.gap_shared_share)
+    views, points_in_world = scene.views, scene.points_in_world
+    visible = visibility(tracks, len(views), len(points_in_world))
+    footprint = footprints(tracks, points_in_world, scene.look_in_world)
+    split = split_views(scene.look_in_world, footprint, views.photo_id, visible, config)
     train = split.views(Role.TRAIN)
-    k = min(config.k, len(train))
-    if k < 2:
-        raise InputError(f"{len(train)} view is left for training", "Add photographs, or lower grouping.test_share.")
+    size = _size(scene, train, config)
     rng = np.random.default_rng(config.seed)
-    members = shared_points.group(scene, train, k, config.groups, rng)
-    test_members = test_groups(scene, split, k)
-    split_table(split, scene).to_parquet(out / layout.SPLIT_TABLE)
+    members = METHODS[config.method](scene, train, size.k, config.groups, config, rng)
+    alone = left_out(scene, train, members, config.method)
+    test_members = test_groups(scene, split, size.k)
+    split_table(split, scene, alone).to_parquet(out / layout.SPLIT_TABLE)
     with (out / layout.GROUPS).open("wb") as file:
         np.savez(file, members=members, test_members=test_members)
-    draw_grouping(centres(views.cam_from_world)[:, :2], scene.look_in_world, split, members, out / layout.GROUPING_MAP)
+    at, picture = centres(views.cam_from_world)[:, :2], out / layout.GROUPING_MAP
+    draw_grouping(at, scene.look_in_world, split, members, config.method, picture)
     progress(1, 1, "views grouped")
-    notes, degraded = _notes(split, members, config, k, views)
+    figures = split_figures(split, scene.look_in_world, footprint, visible)
+    made = _metrics(scene, train, members, test_members)
+    doubts = [*split_doubts(figures, config), *group_doubts(made)]
+    chosen = {"method": config.method, "k": size.k, "k_reason": size.reason, "left_out": len(alone)}
     return Outcome(
-        metrics=_metrics(scene, split, members, test_members, visible),
-        state="degraded" if degraded else "ok",
-        notes=tuple(notes),
+        metrics=chosen | made | figures,
+        state="degraded" if size.doubtful or doubts else "ok",
+        notes=(*split_remarks(figures, config), *doubts, *size.notes, *remarks(alone, views.photo_id)),
         pictures={"Roles and groups": layout.GROUPING_MAP},
     )
 
@@ -64,8 +77,8 @@ def test_groups(scene: GroupingScene, split: Split, k: int) -> Int[np.ndarray, "
     return np.stack([shared_points.most_shared(scene, target, support, size) for target in targets])
 
 
-def split_table(split: Split, scene: GroupingScene) -> pd.DataFrame:
-    """Return one row per view."""
+def split_table(split: Split, scene: GroupingScene, alone: dict[int, str]) -> pd.DataFrame:
+    """Return one row per view; `left_out` says why a training view is in no group, and is empty otherwise."""
     return pd.DataFrame(
         {
             "view": np.arange(len(scene.views)),
@@ -73,56 +86,51 @@ def split_table(split: Split, scene: GroupingScene) -> pd.DataFrame:
             "role": split.role.tolist(),
             "look_x": scene.look_in_world[:, 0],
             "look_y": scene.look_in_world[:, 1],
+            "left_out": [alone.get(view, "") for view in range(len(scene.views))],
         }
     )
 
 
-def _look(tracks: Tracks, points: Points, views: Views) -> Float[np.ndarray, "n 2"]:
-    # A view that sees no point keeps its place in the files; it looks straight down, for want of better.
-    look, seen = look_positions(tracks, points.xyz, len(views))
-    return np.where((seen > 0)[:, None], look, centres(views.cam_from_world)[:, :2])
+@dataclass(frozen=True)
+class _Size:
+    """The size of the groups, and why."""
+
+    k: int
+    reason: str
+    notes: tuple[str, ...] = ()
+    doubtful: bool = False
+
+
+def _size(scene: GroupingScene, train: Int[np.ndarray, " m"], config: GroupingConfig) -> _Size:
+    if len(train) < 2:
+        raise InputError(f"{len(train)} view is left for training", "Add photographs, or lower grouping.test_share.")
+    if config.k == "auto":
+        k, reason = cluster_size(scene.shared_share, train)
+        return _Size(k, reason, (f"K is {k}: {reason}",))
+    if config.k > len(train):
+        reason = f"there are only {len(train)} training views"
+        note = f"K is {len(train)}, not {config.k}: {reason}"
+        return _Size(len(train), reason, (note,), doubtful=2 * len(train) < config.k)
+    return _Size(config.k, "as set")
 
 
 def _metrics(
     scene: GroupingScene,
-    split: Split,
+    train: Int[np.ndarray, " m"],
     members: Int[np.ndarray, "c k"],
     test_members: Int[np.ndarray, "t k_test"],
-    visible: sparse.csr_array,
 ) -> dict[str, Any]:
     within = shared_within(scene.shared, members)
     in_test = shared_within(scene.shared, test_members)
-    leak = leak_shared_share(visible, split)
     return {
         "groups": len(members),
-        "k": members.shape[1],
         "shared_points_mean": float(within.mean()),
         "shared_points_min": int(within.min()),
         "shared_points_p10": float(np.percentile(within, 10)),
         "shared_points_median": float(np.median(within)),
         "members_sharing_nothing_share": float((within == 0).mean()),
+        **apart_shares(scene, members),
+        "coverage": len(np.unique(members)) / len(train),
+        "jaccard_mean": jaccard_mean(members),
         "test_shared_points_median": float(np.median(in_test)),
-        **{f"{role}_views": len(split.views(role)) for role in Role},
-        "gap_shared_share": split.gap_shared_share,
-        "leak_shared_share_max": float(leak.max()),
-        "leak_shared_share_mean": float(leak.mean()),
     }
-
-
-def _notes(
-    split: Split, members: Int[np.ndarray, "c k"], config: GroupingConfig, k: int, views: Views
-) -> tuple[list[str], bool]:
-    notes, degraded = [], False
-    if k < config.k:
-        notes.append(f"K is {k}, not {config.k}: there are only {k} training views")
-        degraded = 2 * k < config.k
-    if split.gap_shared_share > config.gap_shared_share:
-        notes.append(
-            f"training views may share up to {split.gap_shared_share:.0%} of their points with the test block, not "
-            f"{config.gap_shared_share:.0%}: a wider gap would leave too few of them"
-        )
-        degraded |= split.gap_shared_share > _NO_GAP
-    if len(lonely := np.setdiff1d(split.views(Role.TRAIN), members)):
-        photos = ", ".join(str(views.photo_id[view]) for view in lonely[:10]) + (", ..." if len(lonely) > 10 else "")
-        notes.append(f"{len(lonely)} training views are in no group: photos {photos}")
-    return notes, degraded

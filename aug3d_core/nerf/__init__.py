@@ -11,8 +11,16 @@ compositing       colours and densities along a ray -> one pixel
 model             all of it: rays + input views -> pixels, coarse and fine
 checkpoint        weights and training state on disk
 training          the training loop;   training_stage    the stage `training`
-prediction        a whole view;        evaluation        scores, groups, intervals
+step, run         one step of it, and its state;           schedule    learning rates, and when it is enough
+watch             is training alive? (numpy);              team        several processes that train one model
+prediction        a whole view;        evaluation        scores of every test view
+summary           scores -> means, groups, intervals, of one fold or several (numpy)
 baselines         the cheap answers (numpy)
+conventions       how answers are scored, stated once, with a digest
 panels            pictures to look at
+flythrough        a short flight around a test view
 evaluation_stage  the stage `evaluation`
+novel             a view that no photograph shows: inputs, camera, what is seen (numpy)
+outside           posed photographs from outside -> a scene (numpy)
+prediction_stage  the stage `prediction`, of the command `aug3d predict`
 """

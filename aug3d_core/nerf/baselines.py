@@ -21,7 +21,7 @@ def cheap_answers(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> d
     return {
         "mean_colour": _round(np.broadcast_to(mean, scene.images[target].shape)),
         "nearest_copy": scene.images[ranked[0]],
-        "ground_homography": _ground(scene, target, ranked, mean),
+        "ground_homography": ground_homography(scene, target, inputs),
         "mesh_render": _mesh(scene, target, mean),
     }
 
@@ -58,10 +58,11 @@ def project(
     return np.stack([in_cam[:, 0] / z * fx + cx, in_cam[:, 1] / z * fy + cy], axis=1), ahead
 
 
-def _ground(scene: Scene, target: int, ranked: np.ndarray, mean: np.ndarray) -> UInt8[np.ndarray, "h w 3"]:
+def ground_homography(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the inputs' colours as they lie on the ground, the nearest's on top; their mean where none reaches."""
     ground, reached = ground_points(scene, target)
-    answer = np.tile(mean, (len(ground), 1))
-    for view in ranked[::-1]:  # the nearest last, over the others
+    answer = np.tile(scene.images[inputs].reshape(-1, 3).mean(axis=0), (len(ground), 1))
+    for view in rank(scene, target, inputs)[::-1]:
         xy_px, ahead = project(scene, view, ground)
         inside = ((xy_px >= 0) & (xy_px <= [scene.width_px, scene.height_px])).all(axis=1) & reached & ahead
         answer[inside] = bilinear(scene.images[view], xy_px[inside])

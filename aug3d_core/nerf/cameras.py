@@ -42,6 +42,17 @@ class Cameras:
 
 
 @dataclass(frozen=True)
+class Grid:
+    """Where a map's columns and rows lie in the image: j stands for `first_px + j * stride_px`, pixel centres at halves."""
+
+    stride_px: int
+    first_px: float
+
+
+PIXELS = Grid(stride_px=1, first_px=0.5)  # of the image itself
+
+
+@dataclass(frozen=True)
 class Lookup:
     """Four neighbours and their bilinear weights for each point in each view's map; the border is repeated outside.
 
@@ -51,19 +62,19 @@ class Lookup:
     index: Tensor  # (g v p 4), rows of the table
     weight: Tensor  # (g v p 4)
 
-    def __call__(self, maps: Float[Tensor, "g v c h w"]) -> Float[Tensor, "g v p c"]:
+    def __call__(self, maps: Float[Tensor, "g v h w c"]) -> Float[Tensor, "g v p c"]:
         """Interpolate maps at the points."""
-        table = maps.movedim(2, -1).reshape(-1, maps.shape[2])
+        table = maps.reshape(-1, maps.shape[-1])
         found = F.embedding_bag(
             self.index.reshape(-1, 4), table, per_sample_weights=self.weight.reshape(-1, 4), mode="sum"
         )
         return found.reshape(*self.index.shape[:3], -1)
 
 
-def lookup(xy_px: Float[Tensor, "g v p 2"], stride: int, width: int, height: int) -> Lookup:
-    """Find the neighbours of image positions in maps of a given stride and size."""
+def lookup(xy_px: Float[Tensor, "g v p 2"], grid: Grid, width: int, height: int) -> Lookup:
+    """Find the neighbours of image positions in maps of a given grid and size."""
     groups, views = xy_px.shape[:2]
-    x, y = (xy_px / stride - 0.5).unbind(-1)
+    x, y = ((xy_px - grid.first_px) / grid.stride_px).unbind(-1)
     x, y = x.clamp(0, width - 1), y.clamp(0, height - 1)
     left, top = x.floor().clamp(max=max(width - 2, 0)), y.floor().clamp(max=max(height - 2, 0))
     right_part, bottom_part = x - left, y - top

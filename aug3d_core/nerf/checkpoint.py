@@ -15,15 +15,19 @@ from safetensors.torch import load_file, save_file
 from aug3d_core.errors import InputError
 from aug3d_core.nerf.config import TrainingConfig
 from aug3d_core.nerf.model import PixelNeRF
+from aug3d_core.nerf.watch import WINDOW
 from aug3d_core.store import layout
 
-STATE = "state.pt"
+STATE = "state-{:08d}.pt"
+KEPT = 4  # windows: trouble is seen up to two after it began, and a second restart goes further back
 AGAIN = "train the model again (stage training)"
 
 
 def save_model(model: PixelNeRF, out: Path) -> None:
     """Write the weights, and the configuration that says which network they belong to."""
-    save_file({name: value.contiguous() for name, value in model.state_dict().items()}, out / layout.MODEL_WEIGHTS)
+    save_file(
+        {name: value.cpu().contiguous() for name, value in model.state_dict().items()}, out / layout.MODEL_WEIGHTS
+    )
     text = json.dumps({"config": model.config.model_dump(mode="json")}, indent=1, sort_keys=True)
     (out / layout.MODEL_CONFIG).write_text(text + "\n")
 
@@ -31,12 +35,15 @@ def save_model(model: PixelNeRF, out: Path) -> None:
 def load_model(folder: Path) -> PixelNeRF:
     """Read a trained model, ready for use."""
     try:
-        config = TrainingConfig(**json.loads((folder / layout.MODEL_CONFIG).read_text())["config"])
+        told = json.loads((folder / layout.MODEL_CONFIG).read_text())["config"]
+        if untold := sorted(TrainingConfig.model_fields.keys() - told.keys()):  # a default could be another network
+            raise InputError(f"the model was trained before there was {', '.join(untold)}", AGAIN)
+        config = TrainingConfig(**told)
         model = PixelNeRF(config)
         model.load_state_dict(load_file(folder / layout.MODEL_WEIGHTS))
     except FileNotFoundError as error:
         raise InputError(f"the model has no {Path(error.filename or layout.MODEL_WEIGHTS).name}", AGAIN) from error
-    except (SafetensorError, ValueError, KeyError, TypeError, ValidationError) as error:
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
         raise InputError(f"{layout.MODEL_WEIGHTS} or {layout.MODEL_CONFIG} is damaged ({error})", AGAIN) from error
     except RuntimeError as error:
         missing = " ".join(str(error).splitlines()[1:2]).strip()[:200]
@@ -44,23 +51,43 @@ def load_model(folder: Path) -> PixelNeRF:
     return model.eval()
 
 
-def save_state(folder: Path, state: dict[str, Any]) -> None:
-    """Write the training state; a kill in between leaves the former one."""
+def save_state(folder: Path, step: int, state: dict[str, Any]) -> None:
+    """Write the training state after a step; a kill in between leaves the former ones."""
     folder.mkdir(exist_ok=True)
-    partial = folder / f"{STATE}.partial"
+    path = folder / STATE.format(step)
+    partial = path.with_suffix(".partial")
     torch.save(state, partial)
-    partial.replace(folder / STATE)
+    partial.replace(path)
+    for old in _superfluous(saved_steps(folder)):
+        (folder / STATE.format(old)).unlink()
 
 
-def load_state(folder: Path) -> dict[str, Any] | None:
-    """Read the training state that a killed run left, if it did."""
-    path = folder / STATE
-    if not path.exists():
-        return None
+def saved_steps(folder: Path) -> list[int]:
+    """Return the steps of the states there are, in order."""
+    return sorted(int(path.stem.partition("-")[2]) for path in folder.glob(STATE.replace("{:08d}", "*")))
+
+
+def load_state(folder: Path, step: int) -> dict[str, Any]:
+    """Read a training state."""
+    path = folder / STATE.format(step)
     try:
-        return torch.load(path, weights_only=True)
+        return torch.load(path, map_location="cpu", weights_only=True)
     except (RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(
-            f"checkpoint {path.name} is damaged ({reason})", f"delete {path} to train from the start"
+            f"checkpoint {path.name} is damaged ({reason})", f"delete {folder} to train from the start"
         ) from error
+
+
+def forget_after(folder: Path, step: int) -> None:
+    """Remove the states after a step."""
+    for later in saved_steps(folder):
+        if later > step:
+            (folder / STATE.format(later)).unlink()
+
+
+def _superfluous(steps: list[int]) -> list[int]:
+    """Return what nobody will go back to: all but the newest, and the first in each of the last few windows."""
+    firsts = {step // WINDOW: step for step in reversed(steps)}
+    kept = {*steps[-1:], *sorted(firsts.values())[-KEPT:]}
+    return [step for step in steps if step not in kept]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,11 +13,14 @@ import torch
 
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.nerf import panels
+from aug3d_core.nerf import flythrough, panels
 from aug3d_core.nerf.checkpoint import load_model
 from aug3d_core.nerf.config import EvaluationConfig
-from aug3d_core.nerf.evaluation import CHEAP, evaluate, summary
+from aug3d_core.nerf.conventions import conventions, digest, held_out_digest
+from aug3d_core.nerf.evaluation import evaluate
+from aug3d_core.nerf.model import PixelNeRF
 from aug3d_core.nerf.prediction import Prediction
+from aug3d_core.nerf.summary import CHEAP, summary
 from aug3d_core.stage import Outcome, Progress
 from aug3d_core.store import layout
 
@@ -38,12 +42,20 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     progress(0, count, "test views")
     table = evaluate(model, scene, config, seen)
     table.to_parquet(out / layout.TEST_VIEWS, index=False)
+    stated = conventions(scene)
+    (out / layout.CONVENTIONS).write_text(json.dumps(stated, indent=1))
     figures = summary(table, config)
     beaten = [name for name in CHEAP if figures["test_psnr_mean"] <= figures[f"cheap_{name}"]]
+    pictures = _draw(scene, config, table, kept, out) if config.panels else {}
+    if config.flythrough_frames:
+        progress(count, count, "fly-through")
+        pictures |= _fly(model, scene, config, table, out)
     return Outcome(
-        metrics=dict(figures),
+        metrics={**figures, "conventions": digest(stated), "test_photos": held_out_digest(scene)},
+        # Worse than one colour: whatever the training did well, what is rendered is wrong
+        state="degraded" if "mean_colour" in beaten else "ok",
         notes=tuple(_not_beaten(name, figures) for name in beaten),
-        pictures=_draw(scene, config, table, kept, out) if config.panels else {},
+        pictures=pictures,
     )
 
 
@@ -52,6 +64,16 @@ def _not_beaten(name: str, figures: Mapping[str, float]) -> str:
         f"the model ({figures['test_psnr_mean']:.2f} dB) does not beat {name.replace('_', ' ')}"
         f" ({figures[f'cheap_{name}']:.2f} dB)"
     )
+
+
+def _fly(model: PixelNeRF, scene: Scene, config: EvaluationConfig, table: pd.DataFrame, out: Path) -> dict[str, str]:
+    """Fly around the test view that is met middlingly, so that the flight flatters nobody."""
+    ranked = table.sort_values(["psnr", "group"])
+    row = ranked.iloc[(len(ranked) - 1) // 2]
+    target, *support = scene.groups["test"][int(row["group"])]
+    frames = flythrough.fly(model, scene, int(target), np.array(support[: config.input_views]), config)
+    flythrough.save(frames, out / layout.FLYTHROUGH)
+    return {f"Flight around photo {row['photo_id']:.0f} ({row['psnr']:.1f} dB, the middle one)": layout.FLYTHROUGH}
 
 
 def _draw(

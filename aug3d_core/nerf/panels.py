@@ -38,7 +38,7 @@ def panel(
         ],
         [(f"{name.replace('_', ' ')} {scores[f'{name}_psnr']:.1f} dB", image) for name, image in answers.items()],
     ]
-    return _grid(rows)
+    return grid(rows)
 
 
 def summary_panel(
@@ -59,7 +59,16 @@ def summary_panel(
                 (f"mesh {scores['mesh_render_psnr']:.1f}", answers["mesh_render"]),
             ]
         )
-    return _grid(rows)
+    return grid(rows)
+
+
+def novel_panel(
+    scene: Scene, inputs: Int[np.ndarray, " v"], prediction: Prediction, truth: UInt8[np.ndarray, "h w 3"] | None
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Draw a view that was asked for: a row of inputs, a row of what the model says, and the truth if there is one."""
+    said = [("prediction", prediction.fine), ("depth", depth_colours(prediction.depth))]
+    known = [] if truth is None else [("truth", truth), ("error", error_colours(truth, prediction.fine))]
+    return grid([[(f"input: photo {scene.photo_id[v]}", scene.images[v]) for v in inputs], said + known])
 
 
 def save(image: UInt8[np.ndarray, "H W 3"], path: Path) -> None:
@@ -67,9 +76,11 @@ def save(image: UInt8[np.ndarray, "H W 3"], path: Path) -> None:
     Image.fromarray(image).save(path)
 
 
-def depth_colours(depth: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
-    """Draw depth from near (bright) to far (dark), over the middle 98 % of its values."""
-    near, far = np.quantile(depth, [0.01, 0.99])
+def depth_colours(
+    depth: Float[np.ndarray, "h w"], bounds: tuple[float, float] | None = None
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Draw depth from near (bright) to far (dark), between bounds or over the middle 98 % of its values."""
+    near, far = bounds or np.quantile(depth, [0.01, 0.99])
     return _colours((far - depth) / max(far - near, 1e-9))
 
 
@@ -85,7 +96,8 @@ def _colours(values: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
     return (STOPS[low] * (1 - part) + STOPS[low + 1] * part).astype(np.uint8)
 
 
-def _grid(rows: list[list[tuple[str, np.ndarray]]]) -> UInt8[np.ndarray, "H W 3"]:
+def grid(rows: list[list[tuple[str, np.ndarray]]]) -> UInt8[np.ndarray, "H W 3"]:
+    """Draw rows of pictures of one size under their labels."""
     height, width = (SCALE * n for n in rows[0][0][1].shape[:2])
     step_x, step_y = width + GAP_PX, height + LABEL_PX + GAP_PX
     sheet = Image.new("RGB", (max(map(len, rows)) * step_x, len(rows) * step_y), "white")

@@ -1,7 +1,7 @@
 """The training loop.
 
-Step n draws its batch and its noise from the seed and n alone, so a run resumed from a checkpoint goes on as if it had
-never been killed, and two runs with the same seed, threads and machine end in the same bits.
+Step n draws its batch and its noise from the seed, the restarts so far and n alone, so a run resumed from a checkpoint
+goes on as if it had never been killed, and two runs with the same seed, threads and machine end in the same bits.
 """
 
 from __future__ import annotations
@@ -10,111 +10,125 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import nn
 
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.errors import InputError
-from aug3d_core.nerf.batch import Batch, check_groups, draw
-from aug3d_core.nerf.checkpoint import load_state, save_state
+from aug3d_core.nerf.batch import check_groups, draw
+from aug3d_core.nerf.checkpoint import forget_after, load_state, save_state, saved_steps
 from aug3d_core.nerf.config import TrainingConfig
-from aug3d_core.nerf.model import PixelNeRF, TensorRays
+from aug3d_core.nerf.run import Restart, Run, begin, begin_again, start_encoder
+from aug3d_core.nerf.schedule import Probe, enough, last_step, probe_due, rate
+from aug3d_core.nerf.step import Step
+from aug3d_core.nerf.team import ALONE, Team
+from aug3d_core.nerf.watch import Measures, Trouble, find_trouble
 
-MAX_GRADIENT = 1.0  # norm at which gradients are clipped; a single bad batch must not undo the others
-
-
-@dataclass
-class Run:
-    """A training run under way: the model, its optimiser, and what every step measured."""
-
-    model: PixelNeRF
-    optimiser: torch.optim.Adam
-    losses: list[float] = field(default_factory=list)  # coarse + fine mean squared error
-    errors: list[float] = field(default_factory=list)  # fine mean squared error
-    seconds: float = 0.0
-
-    def state(self, config: TrainingConfig) -> dict[str, object]:
-        """Return all that a later process needs to go on."""
-        return {
-            "config": config.model_dump(mode="json"),
-            "model": self.model.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "losses": self.losses,
-            "errors": self.errors,
-            "seconds": self.seconds,
-        }
+MOST_RESTARTS = 3
+BEFORE = 50  # steps before the onset of trouble within which a state is not trusted any more
+PROBE_SEEDS = (MOST_RESTARTS + 1, MOST_RESTARTS + 2)  # of two batches, unlike those that steps draw
 
 
 def train(
-    scene: Scene, config: TrainingConfig, checkpoints: Path, report: Callable[[Run], None] = lambda run: None
+    scene: Scene,
+    config: TrainingConfig,
+    checkpoints: Path,
+    report: Callable[[Run], None] = lambda run: None,
+    team: Team = ALONE,
 ) -> Run:
-    """Train across the scene's groups, from the last checkpoint if there is one."""
+    """Train across the scene's groups, from the last checkpoint if there is one, until it is enough.
+
+    Raises InputError if training runs into trouble again and again.
+    """
     check_groups(scene, config)
-    torch.set_num_threads(len(os.sched_getaffinity(0)))
-    run = _resume(config, checkpoints)
-    while len(run.losses) < config.steps:
-        start = time.monotonic()
-        take_step(run, scene, config, len(run.losses))
-        run.seconds += time.monotonic() - start
-        if len(run.losses) % config.checkpoint_every == 0:
-            save_state(checkpoints, run.state(config))
+    torch.set_num_threads(max(len(os.sched_getaffinity(0)) // team.size, 1))
+    run = begin(config, team.device)
+    if steps := saved_steps(checkpoints):
+        _take_over(run, checkpoints, steps[-1])
+    else:
+        start_encoder(run)
+    step = team.wrap(Step(run.model, scene))
+    while run.step < last_step(config, run.tail_from):
+        take_step(run, step, scene, config, team)
+        trouble = find_trouble(run.history)
+        if trouble:
+            _start_again(run, trouble, config, checkpoints, team)
+            continue
+        if probe_due(config, run.step):
+            _probe(run, step, scene, config, team)
+        if team.leads and run.step % config.checkpoint_every == 0:
+            save_state(checkpoints, run.step, run.state())
         report(run)
     return run
 
 
-def rate(config: TrainingConfig, step: int) -> float:
-    """Return the learning rate: a linear warm-up, then half a cosine down to the last."""
-    if step < config.warmup_steps:
-        return config.learning_rate * (step + 1) / config.warmup_steps
-    done = (step - config.warmup_steps) / max(config.steps - config.warmup_steps, 1)
-    last = config.final_rate_share
-    return config.learning_rate * (last + (1 - last) * (1 + math.cos(math.pi * done)) / 2)
-
-
-def _resume(config: TrainingConfig, checkpoints: Path) -> Run:
-    torch.manual_seed(config.seed)
-    model = PixelNeRF(config).train()
-    run = Run(model, torch.optim.Adam(model.parameters(), lr=config.learning_rate))
-    state = load_state(checkpoints)
-    if state is None:
-        return run
-    if state.get("config") != config.model_dump(mode="json"):
-        raise InputError("the checkpoint is of another configuration", f"delete {checkpoints} to train from the start")
-    model.load_state_dict(state["model"])
-    run.optimiser.load_state_dict(state["optimiser"])
-    run.losses, run.errors, run.seconds = state["losses"], state["errors"], state["seconds"]
-    return run
-
-
-def take_step(run: Run, scene: Scene, config: TrainingConfig, step: int) -> None:
-    """Draw a batch, improve the model by it, and note its errors; raise InputError if they are not finite."""
-    batch = draw(scene, config, np.random.default_rng([config.seed, step]))
-    noise = torch.Generator().manual_seed(config.seed * 1_000_003 + step)
+def take_step(run: Run, step: nn.Module, scene: Scene, config: TrainingConfig, team: Team) -> None:
+    """Draw a batch, improve the model by it, and note what it showed."""
+    start = time.monotonic()
+    seeds = [config.seed, len(run.restarts), run.step]
+    batch = team.share(draw(scene, config, np.random.default_rng(seeds)))
+    drawn = time.monotonic()
     for group in run.optimiser.param_groups:
-        group["lr"] = rate(config, step)
-    inputs = run.model.encode(scene, batch.inputs)
-    coarse, fine = run.model(inputs, TensorRays.of(batch.rays, len(batch.inputs)), noise)
-    coarse_error, fine_error = (_error(pixels.colour, batch) for pixels in (coarse, fine))
-    loss = coarse_error + fine_error
-    if not math.isfinite(loss.item()):
-        raise InputError(
-            f"training diverged: the loss at step {step} is {loss.item()}",
-            f"lower learning_rate (now {config.learning_rate:g}) or raise warmup_steps (now {config.warmup_steps})",
-        )
+        group["lr"] = rate(config, run.step, run.tail_from, len(run.restarts))
+    loss, measured = step(batch, noise_of([*seeds, team.rank]))
     run.optimiser.zero_grad(set_to_none=True)
     loss.backward()
-    torch.nn.utils.clip_grad_norm_(run.model.parameters(), MAX_GRADIENT)
+    trained = run.optimiser.param_groups[0]["params"]
+    gradient = nn.utils.clip_grad_norm_(trained, config.max_gradient_norm or math.inf)
     run.optimiser.step()
-    run.losses.append(loss.item())
-    run.errors.append(fine_error.item())
+    loss, error, *rest = team.mean(measured).tolist()
+    run.history.append(Measures(loss, error, gradient.item(), *rest))
+    run.waited += drawn - start
+    run.seconds += time.monotonic() - start
 
 
-def _error(colour: Tensor, batch: Batch) -> Tensor:
-    """Return the mean squared error over rays that have a truth."""
-    truth = torch.from_numpy(batch.colour.astype(np.float32))
-    weight = torch.from_numpy(batch.weight.astype(np.float32))
-    return (((colour - truth) ** 2).mean(dim=-1) * weight).sum() / weight.sum().clamp(min=1)
+def noise_of(seeds: list[int]) -> torch.Generator:
+    """Return where a step's samples come from."""
+    return torch.Generator().manual_seed(int(np.random.SeedSequence(seeds).generate_state(1)[0]))
+
+
+def _take_over(run: Run, checkpoints: Path, step: int) -> None:
+    state = load_state(checkpoints, step)
+    if state.get("config") != run.model.config.model_dump(mode="json"):
+        raise InputError("the checkpoint is of another configuration", f"delete {checkpoints} to train from the start")
+    run.load(state)
+
+
+def _start_again(run: Run, trouble: Trouble, config: TrainingConfig, checkpoints: Path, team: Team) -> None:
+    """Go back to a state from before the trouble, and on from it more slowly, with other batches and noise.
+
+    A state that led into trouble once is not tried twice: without a newer one, an older one is.
+    """
+    past = run.restarts
+    if len(past) == MOST_RESTARTS:
+        raise InputError(
+            f"training cannot go on: {trouble.what} at step {trouble.seen_at}, after {MOST_RESTARTS} restarts and with"
+            f" the learning rate down at {config.learning_rate / 3**MOST_RESTARTS:.2g}",
+            f"lower learning_rate (now {config.learning_rate:g}) or raise warmup_steps (now {config.warmup_steps})",
+        )
+    tried = past[-1].again_from if past else 0
+    good = [step for step in saved_steps(checkpoints) if step <= trouble.onset - BEFORE and step != tried]
+    if good:
+        _take_over(run, checkpoints, good[-1])
+    else:
+        begin_again(run)
+    run.restarts = [*past, Restart(trouble, run.step)]
+    team.wait()  # nobody may remove what another has yet to read
+    if team.leads:
+        forget_after(checkpoints, run.step)
+        save_state(checkpoints, run.step, run.state())
+
+
+def _probe(run: Run, step: nn.Module, scene: Scene, config: TrainingConfig, team: Team) -> None:
+    """Measure the error on fixed rays; if training has learned enough, begin the tail."""
+    batches = [draw(scene, config, np.random.default_rng([config.seed, n])) for n in PROBE_SEEDS]
+    with torch.no_grad():
+        run.model.eval()
+        errors = [team.mean(step(team.share(batch), None)[1])[1].item() for batch in batches]
+        run.model.train()
+    run.probes.append(Probe(run.step, -10 * math.log10(max(float(np.mean(errors)), 1e-10))))
+    if run.tail_from is None and enough(config, run.probes):
+        run.tail_from = run.step

@@ -3,64 +3,103 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import torch
 
 from aug3d_core.dataset.reader import read
 from aug3d_core.nerf.checkpoint import save_model
 from aug3d_core.nerf.config import TrainingConfig
-from aug3d_core.nerf.training import Run, train
-from aug3d_core.stage import Outcome, Progress
+from aug3d_core.nerf.run import Run
+from aug3d_core.nerf.schedule import last_step
+from aug3d_core.nerf.team import Team, fitting_size, gathered
+from aug3d_core.nerf.training import train
+from aug3d_core.nerf.watch import Measures, worse_than_one_colour
+from aug3d_core.stage import Metric, Outcome, Progress
 from aug3d_core.store import layout
 
 CURVE_POINTS = 100
+NOT_LEARNED = "the model is no better than one colour for each view would be: train longer, or with another seed"
 
 
 def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress: Progress) -> Outcome:
-    """Train; the checkpoint goes when the model is written, since it holds times and is of no more use."""
-    scene = read(inputs["dataset"] / layout.SCENE_ZARR)
+    """Train, on all devices there are; the checkpoints go when the model is written, for they hold times."""
     checkpoints = out / layout.CHECKPOINT
     every = max(config.steps // 200, 1)
 
     def report(run: Run) -> None:
-        step = len(run.losses)
-        if step % every == 0 or step == config.steps:
-            progress(step, config.steps, f"{psnr(run.errors[-every:]):.1f} dB in training")
+        end = last_step(config, run.tail_from)
+        if run.step % every == 0 or run.step == end:
+            progress(run.step, end, f"{psnr(run.history[-every:]):.1f} dB in training")
 
-    trained = train(scene, config, checkpoints, report)
+    store = inputs["dataset"] / layout.SCENE_ZARR
+    with gathered(
+        fitting_size(config.groups_per_step, torch.cuda.device_count()), _follow, store, config, checkpoints
+    ) as team:
+        trained = train(read(store), config, checkpoints, report, team)
     save_model(trained.model, out)
     curve = curve_of(trained)
     curve.to_parquet(out / layout.CURVE, index=False)
     shutil.rmtree(checkpoints, ignore_errors=True)
-    rays = config.steps * config.groups_per_step * config.rays_per_group
+    collapsed = worse_than_one_colour(trained.history)
     return Outcome(
-        metrics={
-            "train_psnr": round(float(curve["train_psnr"].iloc[-1]), 3),
-            "steps": config.steps,
-            "rays_per_second": round(rays / max(trained.seconds, 1e-9), 1),
-            "parameters": sum(p.numel() for p in trained.model.parameters()),
-        },
+        metrics=_metrics(trained, config) | {"train_psnr": round(float(curve["train_psnr"].iloc[-1]), 3)},
+        state="degraded" if collapsed else "ok",
+        notes=(*_encoder(trained, config), *_restarts(trained, config), *((NOT_LEARNED,) if collapsed else ())),
         series={
             name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]
         },
     )
 
 
+def _follow(team: Team, store: Path, config: TrainingConfig, checkpoints: Path) -> None:
+    """Train as another member of the team, silently."""
+    train(read(store), config, checkpoints, team=team)
+
+
+def _metrics(run: Run, config: TrainingConfig) -> dict[str, Metric]:
+    rays = run.step * config.groups_per_step * config.rays_per_group
+    return {
+        "steps": run.step,
+        "stopped_by": "steps" if run.step == config.steps else "plateau",
+        "restarts": len(run.restarts),
+        "rays_per_second": round(rays / max(run.seconds, 1e-9), 1),
+        "loader_wait_share": round(run.waited / max(run.seconds, 1e-9), 4),
+        "encoder_from": run.encoder_from.partition(",")[0],
+        "parameters": sum(p.numel() for p in run.model.parameters()),
+    }
+
+
+def _encoder(run: Run, config: TrainingConfig) -> list[str]:
+    """Say so where the encoder did not get what it was to start from."""
+    as_asked = run.encoder_from in ("random", "ImageNet", config.encoder_weights)
+    return [] if as_asked else [f"the encoder's first weights are {run.encoder_from}"]
+
+
+def _restarts(run: Run, config: TrainingConfig) -> list[str]:
+    return [
+        f"at step {trouble.seen_at} {trouble.what}: training went back to step {step}"
+        f" and on at a learning rate of {config.learning_rate / 3**count:.2g}"
+        for count, (trouble, step) in enumerate(run.restarts, start=1)
+    ]
+
+
 def curve_of(run: Run) -> pd.DataFrame:
     """Return the curve in at most CURVE_POINTS windows: last step of each, PSNR and loss over it."""
-    windows = np.array_split(np.arange(len(run.losses)), min(CURVE_POINTS, len(run.losses)))
+    windows = np.array_split(np.arange(run.step), min(CURVE_POINTS, run.step))
+    parts = [run.history[w[0] : w[-1] + 1] for w in windows]
     return pd.DataFrame(
         {
             "step": [int(w[-1]) + 1 for w in windows],
-            "train_psnr": [psnr([run.errors[i] for i in w]) for w in windows],
-            "train_loss": [float(np.mean([run.losses[i] for i in w])) for w in windows],
+            "train_psnr": [psnr(part) for part in parts],
+            "train_loss": [float(np.mean([step.loss for step in part])) for part in parts],
         }
     )
 
 
-def psnr(errors: list[float]) -> float:
-    """Return the PSNR in dB of a mean over squared errors of colours in [0, 1]."""
-    return float(-10 * np.log10(max(np.mean(errors), 1e-10)))
+def psnr(steps: Sequence[Measures]) -> float:
+    """Return the PSNR in dB of the mean squared error of some steps, of colours in [0, 1]."""
+    return float(-10 * np.log10(max(np.mean([step.error for step in steps]), 1e-10)))

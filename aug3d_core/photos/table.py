@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from aug3d_core.errors import UsageError
 from aug3d_core.photos.decode import Decoded
 from aug3d_core.store import layout
 
@@ -47,3 +48,22 @@ def rejected_table(rejected: Sequence[tuple[str, str]]) -> pd.DataFrame:
 def read_photos(folder: Path) -> pd.DataFrame:
     """Read the photo table from the photos stage's output."""
     return pd.read_parquet(folder / layout.PHOTO_TABLE)
+
+
+def photo_ids(photos: pd.DataFrame, called: Sequence[str]) -> tuple[int, ...]:
+    """Return the ids of photographs that are called by id, name, or file name; raises UsageError for an unknown one."""
+    return tuple(_photo_id(photos, text.strip()) for text in called)
+
+
+def _photo_id(photos: pd.DataFrame, text: str) -> int:
+    file_name = photos["name"].str.rpartition("/")[2]
+    here = (photos["name"] == text) | (file_name == text) | (photos["photo_id"].astype(str) == text)
+    same = photos.loc[here, "photo_id"].tolist()
+    if len(same) != 1:
+        what = "matches several photographs" if len(same) else "is no photograph of the scene"
+        first, last = photos.iloc[0], photos.iloc[-1]
+        raise UsageError(
+            f"{text!r} {what}",
+            f"give an id from {first['photo_id']} ({first['name']}) to {last['photo_id']} ({last['name']})",
+        )
+    return int(same[0])

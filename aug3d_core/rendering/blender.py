@@ -8,7 +8,7 @@ Blender's camera looks along -z with y up; ours along +z with y down. Every shap
 
 from __future__ import annotations
 
-import os
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -19,10 +19,11 @@ from mathutils import Matrix
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
 from aug3d_core.rendering.exr import read_exr
-from aug3d_core.rendering.job import Emission, MeshFile, RenderJob, Sunlit
+from aug3d_core.rendering.job import Emission, MeshFile, RenderJob, Shard, Sunlit
 
 _COLOUR = "colour"
 _SENSOR_MM = 36.0
+_TRACED = "cycles.ViewLayer.render_time"  # without what Cycles needs to take over the scene
 _FAR = 1e9  # Cycles writes 1e10 where a ray hits nothing
 _BLENDER_FROM_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -60,39 +61,45 @@ def set_camera(
     scene.camera.matrix_world = Matrix((world_from_cam @ _BLENDER_FROM_CAM).tolist())
 
 
-def render_colour(job: RenderJob, scratch: Path) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"]]:
-    """Render the view and return its sRGB colour (not darkened by alpha) and its alpha.
+@dataclass(frozen=True)
+class Picture:
+    """What Cycles made of one view."""
+
+    rgb: UInt8[np.ndarray, "h w 3"]  # sRGB, not darkened by alpha
+    alpha: UInt8[np.ndarray, "h w"]
+    depth: Float[np.ndarray, "h w"] | None  # along the camera's z at each pixel's centre, 0 where there is nothing
+    cycles_s: float  # that Cycles traced rays
+
+
+def render_view(shard: Shard, scratch: Path) -> Picture:
+    """Render the view, with depth if the job asks for it.
 
     The pixel filter is a box one pixel wide: a pixel then is the mean over its own footprint, as on a sensor, and takes
-    nothing from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images).
+    nothing from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images). Of depth Cycles keeps
+    the first sample alone, which it takes at the centre of the filter: within 0.001 px of the pixel's centre, for any seed and
+    any number of samples.
     """
     scene = bpy.context.scene
-    scene.cycles.samples = job.samples
-    scene.cycles.pixel_filter_type = "BOX"
-    channels = _render(scratch)
+    scene.cycles.samples, scene.cycles.seed = shard.samples, shard.seed
+    scene.render.filepath = str(scratch / "view.exr")
+    bpy.ops.render.render(write_still=True)
+    named, attributes = read_exr(scratch / "view.exr")
+    channels = {name.rpartition(".")[2]: image for name, image in named.items()}
     alpha = np.clip(channels["A"], 0.0, 1.0)
     linear = np.stack([channels[c] for c in "RGB"], axis=-1) / np.maximum(alpha, 1e-6)[..., None]
-    return srgb_from_linear(linear), np.rint(alpha * 255).astype(np.uint8)
+    z = channels.get("Z")
+    depth = None if z is None else np.where(z < _FAR, z, 0.0)
+    seconds = _seconds(attributes[_TRACED].decode())
+    return Picture(srgb_from_linear(linear), np.rint(alpha * 255).astype(np.uint8), depth, seconds)
 
 
-def render_depth(scratch: Path) -> Float[np.ndarray, "h w"]:
-    """Return the distance along the camera's z axis at every pixel's centre, 0 where there is nothing.
+def _seconds(told: str) -> float:
+    """Read Cycles' hours:minutes:seconds, cut off at the hundredth, half of which was lost on average.
 
-    One ray per pixel with the narrowest filter, since Cycles keeps the depth of the first sample, wherever in the pixel
-    it fell.
+    Less than a hundredth counts as nothing: of that, half may be too much.
     """
-    scene = bpy.context.scene
-    scene.cycles.samples = 1
-    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "GAUSSIAN", 0.01
-    depth = _render(scratch)["Z"]
-    return np.where(depth < _FAR, depth, 0.0)
-
-
-def _render(scratch: Path) -> dict[str, Float[np.ndarray, "h w"]]:
-    path = scratch / "view.exr"
-    bpy.context.scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    return {name.rpartition(".")[2]: image for name, image in read_exr(path).items()}
+    hundredths = sum(float(part) * 100 * 60**i for i, part in enumerate(reversed(told.split(":"))))
+    return (hundredths + 0.5) / 100 if hundredths else 0.0
 
 
 def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
@@ -101,14 +108,14 @@ def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
     render.use_persistent_data = True  # keeps the acceleration structure from view to view
     render.film_transparent = True
     render.use_compositing = render.use_sequencer = False
-    render.threads_mode, render.threads = "FIXED", len(os.sched_getaffinity(0))
+    render.threads_mode, render.threads = "FIXED", job.threads
     image = render.image_settings
     image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.exr_codec, image.color_depth = "OPEN_EXR_MULTILAYER", "NONE", "32"
     image.use_exr_interleave = True  # one part: with several, Blender 5.0 cannot save pixels that are not square
-    scene.view_layers[0].use_pass_z = True
+    scene.view_layers[0].use_pass_z = job.depth
+    cycles.pixel_filter_type = "BOX"
     cycles.use_adaptive_sampling = cycles.use_denoising = False
-    cycles.seed = job.seed
     sunlit = isinstance(job.light, Sunlit)
     # Under the sky every pixel uses the same few directions: the error of few samples then is no grain but a faint
     # overlay of sky shadows, the same in every view of a place. It is faster, too, and bpy ships without a denoiser.

@@ -18,8 +18,11 @@ _OTHER_THAN_SCANLINES = 0x200 | 0x800 | 0x1000  # tiles, deep data, several part
 _FLOAT = 2
 
 
-def read_exr(path: Path) -> dict[str, Float32[np.ndarray, "h w"]]:
-    """Return every channel by its full name (`ViewLayer.Combined.R`); raises ValueError for any other kind of file."""
+def read_exr(path: Path) -> tuple[dict[str, Float32[np.ndarray, "h w"]], dict[str, bytes]]:
+    """Return every channel by its full name (`ViewLayer.Combined.R`), and the header's attributes as they are written.
+
+    Raises ValueError for any other kind of file.
+    """
     data = path.read_bytes()
     magic, version = struct.unpack_from("<II", data)
     if magic != _MAGIC or version & _OTHER_THAN_SCANLINES:
@@ -32,7 +35,7 @@ def read_exr(path: Path) -> dict[str, Float32[np.ndarray, "h w"]]:
     row = np.dtype([("y", "<i4"), ("bytes", "<i4"), ("values", "<f4", (len(names), x1 - x0 + 1))])
     first_row = struct.unpack_from("<Q", data, at)[0]  # the first entry of the table of rows that follows the header
     rows = np.frombuffer(data, dtype=row, count=y1 - y0 + 1, offset=first_row)["values"]
-    return {name: rows[:, i].copy() for i, name in enumerate(names)}
+    return {name: rows[:, i].copy() for i, name in enumerate(names)}, attributes
 
 
 def _header(data: bytes, at: int) -> tuple[dict[str, bytes], int]:

@@ -9,6 +9,8 @@ texture. Colours and textures are 8-bit sRGB.
 
 from __future__ import annotations
 
+import math
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -37,6 +39,22 @@ class Sunlit(Frozen):
         default=0.15, ge=0, description="Light that reaches every surface alike, for all later bounces."
     )
 
+    @property
+    def level_luminance(self) -> float:
+        """Luminance of level white ground in the open: 1 leaves it as it was photographed."""
+        sun = self.sun_strength * math.sin(math.radians(self.sun_elevation_deg)) / math.pi
+        return sun * _luminance(self.sun_colour) + self.sky_strength * _luminance(self.sky_colour) + self.fill
+
+    def exposed(self) -> Sunlit:
+        """Return the same light at the strength that leaves level ground in the open as bright as it was photographed."""
+        by = 1 / self.level_luminance
+        strengths = {name: getattr(self, name) * by for name in ("sun_strength", "sky_strength", "fill")}
+        return self.model_copy(update=strengths)
+
+
+def _luminance(rgb: tuple[float, float, float]) -> float:
+    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+
 
 class MeshFile(Frozen):
     """One mesh and, if it has texture coordinates, the picture they point into."""
@@ -45,17 +63,32 @@ class MeshFile(Frozen):
     texture: Path | None = None
 
 
-class RenderJob(Frozen):
-    """One shard: the views `first` to `last` (exclusive) of a camera file, written to `out` in one piece."""
+class Shard(Frozen):
+    """The views `first` to `last` (exclusive) of a camera file, written to `out` in one piece."""
 
-    meshes: tuple[MeshFile, ...]
-    cameras: Path
     first: int = Field(ge=0)
     last: int = Field(ge=1)
     out: Path
     samples: int = Field(ge=1)
-    light: Emission | Sunlit = Field(default=Emission(), discriminator="kind")
-    depth: bool = Field(
-        default=True, description="Whether the shard holds depth, which costs a second render of a ray per pixel."
-    )
     seed: int = 0
+
+
+class RenderJob(Frozen):
+    """Shards of views of the same meshes in the same light, rendered one after the other by one process."""
+
+    meshes: tuple[MeshFile, ...]
+    cameras: Path
+    shards: tuple[Shard, ...]
+    light: Emission | Sunlit = Field(default=Emission(), discriminator="kind")
+    depth: bool = Field(default=True, description="Whether shards hold depth.")
+    threads: int = Field(default_factory=lambda: len(os.sched_getaffinity(0)), ge=1)
+    growth_mib: float = Field(
+        default=150.0, ge=0, description="Growth of the process, MiB, after which it ends with the shard at hand."
+    )
+
+
+class ViewDone(Frozen):
+    """What a worker reports after each view."""
+
+    cycles_s: float  # spent in Cycles' own tracing
+    resident_mib: float  # memory of the process

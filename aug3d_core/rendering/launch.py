@@ -1,53 +1,92 @@
-"""Run a render job in a process of its own and wait for it."""
+"""Run render jobs in processes of their own and wait for them."""
 
 from __future__ import annotations
 
-import errno
-import os
-import signal
-import subprocess
-import sys
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
-from aug3d_core.errors import Aug3dError
-from aug3d_core.rendering.job import RenderJob
+from aug3d_core.rendering.job import RenderJob, Shard, ViewDone
+from aug3d_core.worker import WorkerDied, run_worker
 
-_TAIL_LINES = 20
+_LIGHTER = "render a mesh with fewer triangles, or smaller views"
 
 
-class WorkerDied(Aug3dError):
-    """The render process ended without its shard."""
+@dataclass
+class Spent:
+    """What a job cost, over all its workers."""
+
+    views: int = 0
+    workers: int = 0  # processes started
+    worker_s: float = 0.0  # their wall time from start to end, added up
+    cycles_s: float = 0.0  # of it, in Cycles' own tracing
+    growth_mib: float = 0.0  # most that one of them grew after its first view
+
+    @property
+    def overhead_share(self) -> float | None:
+        """Share of the workers' time that was not spent in Cycles: start, import, scene, files; None without a worker."""
+        return 1 - self.cycles_s / self.worker_s if self.worker_s else None
 
 
-def render(job: RenderJob, on_view: Callable[[int], None]) -> None:
-    """Render a job's shard; `on_view(done)` is called after each view.
+def render(job: RenderJob, on_view: Callable[[int], None], workers: int = 1) -> Spent:
+    """Render the shards of a job that do not exist yet; `on_view(done)` is called after each view, from several threads.
 
-    The worker stays in this process's group, so that whoever kills the stage kills it too. Raises WorkerDied with the
-    last lines that it logged, or OSError when the disk is full.
+    Shards are shared among `workers` processes. A process that has grown too far ends early, and another goes on in its place.
+    Raises WorkerDied with the last lines that a worker logged, or OSError when the disk is full.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        job_file, log_file = Path(folder) / "job.json", Path(folder) / "log.txt"
-        job_file.write_text(job.model_dump_json())
-        with log_file.open("wb") as log:
-            command = [sys.executable, "-m", "aug3d_core.rendering.worker", str(job_file)]
-            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True) as worker:
-                for line in worker.stdout or ():
-                    on_view(int(line.split()[1]))
-        if worker.returncode or not job.out.exists():
-            tail = log_file.read_text(errors="replace").splitlines()[-_TAIL_LINES:]
-            if any(os.strerror(errno.ENOSPC) in line for line in tail):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(job.out))
-            raise WorkerDied(_obituary(job, worker.returncode, tail), _remedy(worker.returncode))
+    missing = _missing(job.shards)
+    tally = _Tally(on_view)
+    with ThreadPoolExecutor(max(1, workers)) as pool:
+        list(pool.map(lambda share: _finish(job, share, tally), [missing[i::workers] for i in range(workers)]))
+    return tally.spent
 
 
-def _obituary(job: RenderJob, code: int, tail: list[str]) -> str:
-    how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-    return "\n".join([f"the render worker of {job.out.name} ended with {how}; it last said:", *tail])
+def _finish(job: RenderJob, share: Sequence[Shard], tally: _Tally) -> None:
+    while share:
+        name = f"the render worker of {share[0].out.name}"
+        start = time.monotonic()
+        worker = tally.worker()
+        run_worker(
+            "aug3d_core.rendering.worker", job.model_copy(update={"shards": tuple(share)}), worker, name, _LIGHTER
+        )
+        tally.ended(time.monotonic() - start)
+        left = _missing(share)
+        if len(left) == len(share):
+            raise WorkerDied(f"{name} ended without its shard", "Run again; the shards already rendered are kept.")
+        share = left
 
 
-def _remedy(code: int) -> str:
-    if code == -signal.SIGKILL:
-        return "It was killed, mostly for memory: render a mesh with fewer triangles, or smaller views."
-    return "Read the lines above; the shards already rendered are kept, so running again continues from here."
+def _missing(shards: Sequence[Shard]) -> list[Shard]:
+    return [shard for shard in shards if not shard.out.exists()]
+
+
+class _Tally:
+    """Counts what several workers report."""
+
+    def __init__(self, on_view: Callable[[int], None]) -> None:
+        self.spent = Spent()
+        self._on_view = on_view
+        self._lock = threading.Lock()
+
+    def worker(self) -> Callable[[str], None]:
+        """Return what takes one worker's reports."""
+        at_first: list[float] = []
+
+        def report(line: str) -> None:
+            view = ViewDone.model_validate_json(line)
+            at_first.append(view.resident_mib)
+            with self._lock:
+                self.spent.views += 1
+                self.spent.cycles_s += view.cycles_s
+                self.spent.growth_mib = max(self.spent.growth_mib, view.resident_mib - at_first[0])
+                self._on_view(self.spent.views)
+
+        return report
+
+    def ended(self, seconds: float) -> None:
+        """Count a worker that ended well."""
+        with self._lock:
+            self.spent.workers += 1
+            self.spent.worker_s += seconds

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import os
+import tempfile
 import time
 from pathlib import Path
 
@@ -10,119 +13,144 @@ import pandas as pd
 
 from aug3d_core.errors import InputError
 from aug3d_core.rendering.config import RenderingConfig
-from aug3d_core.rendering.job import MeshFile, RenderJob
-from aug3d_core.rendering.launch import render
+from aug3d_core.rendering.given import find_mesh, read_cameras
+from aug3d_core.rendering.job import Emission, RenderJob, Shard, Sunlit
+from aug3d_core.rendering.launch import Spent, render
+from aug3d_core.rendering.probe import ENOUGH_DB, Chosen, choose_samples
+from aug3d_core.rendering.quality import REASONS, figures, reasons
 from aug3d_core.rendering.sheet import save_sheet
-from aug3d_core.stage import Inputs, Outcome, Progress
+from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
 _SHEET = "renders.png"
 _SHEET_VIEWS = 48
-_BLACK = 3.0  # mean luminance, of 255, below which a view shows nothing
+# Small views keep no more than one thread busy, so that cores are better used by several workers; but each of them holds the
+# mesh, so that there are no more than this many.
+_MOST_WORKERS = 4
 
 
 def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) -> Outcome:
     """Render the views of the sampling stage and judge each of them."""
-    cameras_file = inputs["sampling"] / layout.CAMERAS
-    with np.load(cameras_file, allow_pickle=False) as file:
-        cameras = {name: file[name] for name in ("view_id", "dome_id", "size")}
-    _check(cameras)
+    cameras = read_cameras(inputs["sampling"] / layout.CAMERAS)
     shards = out / layout.SHARDS
     shards.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(_mesh(inputs["surface"]), cameras_file, len(cameras["view_id"]), config, shards)
-    speed = _render_missing(jobs, progress)
-    table = pd.concat([_judge(i, job, cameras["dome_id"], config) for i, job in enumerate(jobs)], ignore_index=True)
-    table.to_parquet(out / layout.RENDER_TABLE)
-    save_sheet(_some_views(table, jobs), out / _SHEET)
-    return _outcome(table, speed)
-
-
-def _check(cameras: dict[str, np.ndarray]) -> None:
-    if len(cameras["view_id"]) == 0:
-        raise InputError(
-            "the sampling stage planned no views", "Give it more cells, or photographs that cover more ground."
+    total = len(cameras["view_id"])
+    if not total:
+        _table([], cameras, config).to_parquet(out / layout.RENDER_TABLE)
+        return Outcome(
+            metrics={"views": 0, "kept": 0, "kept_share": None},
+            notes=("no views were planned: the data set goes on with photographs alone",),
         )
-    if len(np.unique(cameras["size"], axis=0)) > 1:
-        raise InputError("the planned views differ in size", "Plan all views at the data set's one size.")
-
-
-def _mesh(surface: Path) -> MeshFile:
-    """Return the mesh of train photos, with its texture if it has one."""
-    if (surface / layout.TEXTURED_MESH).exists():
-        return MeshFile(path=surface / layout.TEXTURED_MESH, texture=surface / layout.MESH_TEXTURE)
-    return MeshFile(path=surface / layout.MESH)
-
-
-def _jobs(mesh: MeshFile, cameras: Path, views: int, config: RenderingConfig, shards: Path) -> list[RenderJob]:
-    return [
-        RenderJob(
-            meshes=(mesh,),
-            cameras=cameras,
-            first=first,
-            last=min(first + config.views_per_shard, views),
-            out=shards / layout.shard_name(shard),
-            samples=config.samples,
-        )
-        for shard, first in enumerate(range(0, views, config.views_per_shard))
-    ]
-
-
-def _render_missing(jobs: list[RenderJob], progress: Progress) -> float | None:
-    """Render the shards that are not there; return views per minute, None when all were there."""
-    total, rendered, start = jobs[-1].last, 0, time.monotonic()
-    for job in jobs:
-        if not job.out.exists():
-            render(job, lambda done, job=job: progress(job.first + done, total, "views rendered"))
-            rendered += job.last - job.first
-        progress(job.last, total, "views rendered")
-    return 60 * rendered / (time.monotonic() - start) if rendered else None
-
-
-def _judge(shard: int, job: RenderJob, dome_id: np.ndarray, config: RenderingConfig) -> pd.DataFrame:
-    with np.load(job.out, allow_pickle=False) as file:
-        view_id, rgb, alpha = file["view_id"], file["rgb"], file["alpha"]
-    cover = alpha / 255.0
-    weight = np.maximum(cover.sum(axis=(1, 2)), 1e-6)
-    luminance = np.einsum("nhwc,c,nhw->n", rgb, [0.2126, 0.7152, 0.0722], cover) / weight
-    covered = cover.mean(axis=(1, 2))
-    reason = np.where(
-        covered < config.min_covered_share, "too little surface", np.where(luminance < _BLACK, "black", "")
+    job = RenderJob(
+        meshes=(find_mesh(inputs["surface"]),),
+        cameras=inputs["sampling"] / layout.CAMERAS,
+        shards=(),
+        light=_light(config),
     )
+    chosen = _samples(config, job, cameras, progress)
+    planned = _shards(total, config.views_per_shard, chosen.samples, shards)
+    start = time.monotonic()
+    spent = _render(job.model_copy(update={"shards": planned}), total, progress)
+    seconds = time.monotonic() - start
+    table = _table(list(planned), cameras, config)
+    table.to_parquet(out / layout.RENDER_TABLE)
+    save_sheet(_some_views(table, planned), out / _SHEET)
+    return _outcome(table, chosen, spent, seconds)
+
+
+def _light(config: RenderingConfig) -> Emission | Sunlit:
+    if config.light == "emission":
+        return Emission()
+    return Sunlit(sun_azimuth_deg=config.sun_azimuth_deg, sun_elevation_deg=config.sun_elevation_deg).exposed()
+
+
+def _samples(config: RenderingConfig, job: RenderJob, cameras: dict[str, np.ndarray], progress: Progress) -> Chosen:
+    if config.samples != "auto":
+        return Chosen(config.samples, None, "set by hand")
+    progress(0, 1, "choosing samples on a few views")
+    with tempfile.TemporaryDirectory() as scratch:
+        return choose_samples(job, cameras, Path(scratch))
+
+
+def _shards(views: int, most: int, samples: int, folder: Path) -> tuple[Shard, ...]:
+    """Cut the plan into shards as equal as can be; how many cores there are does not change them."""
+    ends = np.linspace(0, views, -(-views // most) + 1).astype(int).tolist()
+    return tuple(
+        Shard(first=first, last=last, out=folder / layout.shard_name(shard), samples=samples)
+        for shard, (first, last) in enumerate(itertools.pairwise(ends))
+    )
+
+
+def _render(job: RenderJob, total: int, progress: Progress) -> Spent:
+    """Render the shards that are not there."""
+    there = sum(shard.last - shard.first for shard in job.shards if shard.out.exists())
+    cores = len(os.sched_getaffinity(0))
+    workers = min(cores, _MOST_WORKERS, len(job.shards))
+    job = job.model_copy(update={"threads": cores // workers})
+    progress(there, total, "views rendered")
+    return render(job, lambda done: progress(there + done, total, "views rendered"), workers)
+
+
+def _table(shards: list[Shard], cameras: dict[str, np.ndarray], config: RenderingConfig) -> pd.DataFrame:
+    """Return one row per view: where it is, its figures, and whether it is kept."""
+    nothing = np.zeros((0, 1, 1, 3), np.uint8)
+    told = [_figures(shard.out) for shard in shards] or [figures(nothing, nothing[..., 0])]
+    quality = {name: np.concatenate([part[name] for part in told]) for name in told[0]}
+    reason = reasons(quality, config.min_covered_share)
+    sizes = [shard.last - shard.first for shard in shards]
     return pd.DataFrame(
         {
-            "view_id": view_id,
-            "dome_id": dome_id[job.first : job.last],
-            "shard": shard,
-            "row": np.arange(len(view_id)),
+            "view_id": cameras["view_id"],
+            "dome_id": cameras["dome_id"],
+            "shard": np.repeat(np.arange(len(shards)), sizes),
+            "row": np.concatenate([np.arange(size) for size in sizes] or [np.arange(0)]),
             "kept": reason == "",
             "reason": reason,
-            "covered_share": covered,
-            "mean_luminance": luminance,
+            **quality,
         }
     )
 
 
-def _some_views(table: pd.DataFrame, jobs: list[RenderJob]) -> list[np.ndarray]:
+def _figures(shard: Path) -> dict[str, np.ndarray]:
+    with np.load(shard, allow_pickle=False) as file:
+        return figures(file["rgb"], file["alpha"])
+
+
+def _some_views(table: pd.DataFrame, shards: tuple[Shard, ...]) -> list[np.ndarray]:
     """Return kept views spread evenly over the plan."""
     kept = table[table["kept"]]
     chosen = kept.iloc[np.unique(np.linspace(0, len(kept) - 1, min(len(kept), _SHEET_VIEWS)).astype(int))]
     images = []
     for shard, rows in chosen.groupby("shard"):
-        with np.load(jobs[int(shard)].out, allow_pickle=False) as file:
+        with np.load(shards[int(shard)].out, allow_pickle=False) as file:
             images.extend(file["rgb"][rows["row"]])
     return images
 
 
-def _outcome(table: pd.DataFrame, views_per_minute: float | None) -> Outcome:
+def _outcome(table: pd.DataFrame, chosen: Chosen, spent: Spent, seconds: float) -> Outcome:
     kept = int(np.count_nonzero(table["kept"]))
     if kept == 0:
         raise InputError(
             f"none of the {len(table)} rendered views shows enough surface",
             "Lower rendering.min_covered_share, or bring the domes closer to the surface.",
         )
-    counts = {
-        f"dropped_{r.replace(' ', '_')}": int(np.count_nonzero(table["reason"] == r))
-        for r in ("too little surface", "black")
+    metrics: dict[str, Metric] = {
+        "views": len(table),
+        "kept": kept,
+        "kept_share": kept / len(table),
+        "samples": chosen.samples,
+        "samples_psnr_db": chosen.psnr_db,
+        "samples_reason": chosen.reason,
+        "views_per_minute": 60 * spent.views / seconds if spent.views else None,
+        "overhead_share": spent.overhead_share,
+        "worker_growth_mib": spent.growth_mib if spent.views else None,
+        "sharpness_median": float(np.median(table["sharpness"])),
     }
-    metrics = {"views": len(table), "kept": kept, "kept_share": kept / len(table), "views_per_minute": views_per_minute}
-    return Outcome(metrics=metrics | counts, pictures={"Rendered views": _SHEET})
+    dropped = {f"dropped_{r.replace(' ', '_')}": int(np.count_nonzero(table["reason"] == r)) for r in REASONS}
+    coarse = chosen.psnr_db is not None and chosen.psnr_db < ENOUGH_DB
+    return Outcome(
+        metrics=metrics | dropped,
+        state="degraded" if coarse else "ok",
+        notes=(chosen.reason,) if coarse else (),
+        pictures={"Rendered views": _SHEET},
+    )

@@ -1,7 +1,7 @@
-"""The render process: `python -m aug3d_core.rendering.worker job.json` renders one shard and ends.
+"""The render process: `python -m aug3d_core.rendering.worker job.json` renders shard after shard and ends.
 
-A process per shard, because Blender's memory grows with every render and only its end gives it back. Progress goes to
-standard output, one line `view DONE TOTAL` each; all that Blender prints is sent to standard error.
+Loading the meshes once pays for many shards; but Blender's memory may grow with every render and only its end gives it back,
+so a process that has grown too far leaves the rest of its shards to another. It reports a ViewDone after each view.
 
 A shard holds, in the order of the camera file: view_id (n,), rgb (n,H,W,3) uint8 sRGB, alpha (n,H,W) uint8, and depth
 (n,H,W) float16: along z, in world units, 0 where empty - unless the job goes without.
@@ -9,56 +9,68 @@ A shard holds, in the order of the camera file: view_id (n,), rgb (n,H,W,3) uint
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
+import psutil
 
-from aug3d_core.parent import SUPERVISED, die_with_parent
-from aug3d_core.rendering.blender import open_scene, render_colour, render_depth, set_camera
-from aug3d_core.rendering.job import RenderJob
+from aug3d_core.rendering.blender import open_scene, render_view, set_camera
+from aug3d_core.rendering.job import RenderJob, Shard, ViewDone
+from aug3d_core.worker import begin
 
 
-def render_shard(job: RenderJob, progress: TextIO) -> None:
-    """Render the job's views and write them at once, so that a shard's file exists only when it is whole."""
+def render_shards(job: RenderJob, report: Callable[[str], None]) -> None:
+    """Render the job's shards until memory has grown too far; each is written at once, so that a file is a whole shard."""
     open_scene(job)
+    at_first = grown = 0.0
     with np.load(job.cameras, allow_pickle=False) as file:
-        cameras = {
-            name: file[name][job.first : job.last] for name in ("view_id", "world_from_cam", "intrinsics", "size")
-        }
-    width, height = cameras["size"][0]
-    total = len(cameras["view_id"])
-    shard = {
-        "view_id": cameras["view_id"],
-        "rgb": np.empty((total, height, width, 3), np.uint8),
-        "alpha": np.empty((total, height, width), np.uint8),
-    }
-    if job.depth:
-        shard["depth"] = np.empty((total, height, width), np.float16)
+        cameras = {name: file[name] for name in ("view_id", "world_from_cam", "intrinsics", "size")}
     with tempfile.TemporaryDirectory() as scratch:
-        for i in range(total):
-            set_camera(cameras["world_from_cam"][i], cameras["intrinsics"][i], cameras["size"][i])
-            shard["rgb"][i], shard["alpha"][i] = render_colour(job, Path(scratch))
-            if job.depth:
-                shard["depth"][i] = render_depth(Path(scratch))
-            print("view", i + 1, total, file=progress, flush=True)
-    part = job.out.with_suffix(".part")
+        for shard in job.shards:
+            arrays = _arrays(job, shard, cameras)
+            for row, view in enumerate(range(shard.first, shard.last)):
+                set_camera(*(cameras[name][view] for name in ("world_from_cam", "intrinsics", "size")))
+                picture = render_view(shard, Path(scratch))
+                for name in arrays.keys() - {"view_id"}:
+                    arrays[name][row] = getattr(picture, name)
+                resident = resident_mib()
+                at_first = at_first or resident
+                grown = max(grown, resident - at_first)
+                report(ViewDone(cycles_s=picture.cycles_s, resident_mib=resident).model_dump_json())
+            _write(shard.out, arrays)
+            if grown >= job.growth_mib:
+                return
+
+
+def _arrays(job: RenderJob, shard: Shard, cameras: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    views = slice(shard.first, shard.last)
+    width, height = cameras["size"][shard.first]
+    size = (shard.last - shard.first, height, width)
+    arrays = {
+        "view_id": cameras["view_id"][views],
+        "rgb": np.empty((*size, 3), np.uint8),
+        "alpha": np.empty(size, np.uint8),
+    }
+    return arrays | {"depth": np.empty(size, np.float16)} if job.depth else arrays
+
+
+def _write(out: Path, arrays: dict[str, np.ndarray]) -> None:
+    part = out.with_suffix(".part")
     with part.open("wb") as file:
-        np.savez(file, **shard)
-    part.replace(job.out)
+        np.savez(file, **arrays)
+    part.replace(out)
+
+
+def resident_mib() -> float:
+    """Return the memory of this process."""
+    return psutil.Process().memory_info().rss / 2**20
 
 
 def main() -> None:
     """Render the job named on the command line."""
-    if SUPERVISED in os.environ:
-        die_with_parent()
-    job = RenderJob.model_validate_json(Path(sys.argv[1]).read_text())
-    progress = os.fdopen(os.dup(sys.stdout.fileno()), "w")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    render_shard(job, progress)
+    render_shards(*begin(RenderJob))
 
 
 if __name__ == "__main__":

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from aug3d_core.sampling.boxes import Buildings
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,11 @@ class Dome:
     y: float
     z: float
     radius: float  # world units; of the nearest cameras allowed
-    cell: float  # side of the grid cell, world units
+    cell: float  # its scale: the side of the square that it stands on, world units
     views: int  # 0 where it was passed over
     why: str
+    tried: int = 0  # cameras drawn
+    rejected: Mapping[str, int] = field(default_factory=dict)  # of those, by reason
 
 
 @dataclass(frozen=True)
@@ -53,3 +58,5 @@ class Plan:
 
     cameras: Cameras
     domes: tuple[Dome, ...]
+    buildings: Buildings | None = None  # that they were placed over
+    notes: tuple[str, ...] = ()  # what the user should know, where the method could not do what it is for

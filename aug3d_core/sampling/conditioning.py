@@ -1,41 +1,84 @@
-"""Which cameras can be used: free of the surface, not under it, with their aim in sight and the view well filled."""
+"""Why a camera cannot be used: it is inside, under or too near the surface, or its view shows too little of it.
+
+A view is judged on a coarse net of rays. The net asks for a little more than it is to promise, so that what holds on the
+net holds on all pixels too. Black is judged by the colours at the mesh's corners; the renderer looks at the texture.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.sampling.config import SamplingConfig
 from aug3d_core.sampling.site import Site
-from aug3d_core.surface.raycast import Raycaster, pixel_rays
+from aug3d_core.surface.raycast import Hits, Raycaster, pixel_rays
 
-PROBE_PX = 12  # rays across a view to judge how much of it shows surface
+REASONS = ("inside", "under", "too_near", "aim_hidden", "empty", "back_faces", "black", "smeared")
+GOOD = -1
+NET_PX = 24  # rays across a view
+MARGIN = 0.8  # of what a view may lack, asked on the net
 IN_SIGHT = 0.5  # nothing may stand in the way in the first half of the way to the aim
+UP = np.array([0.0, 0.0, 1.0])
 
 
-def usable(
+def faults(
     surface: Raycaster,
     cam_from_world: Float[np.ndarray, "n 3 4"],
     radius: Float[np.ndarray, " n"],
     site: Site,
     config: SamplingConfig,
-) -> Bool[np.ndarray, " n"]:
-    """Tell which cameras can be used; `radius` is the distance of each to its aim."""
+) -> Int[np.ndarray, " n"]:
+    """Return what is wrong with each camera, an index of REASONS, or GOOD; `radius` is its distance to its aim."""
+    found = _faults_of_place(surface, cam_from_world, radius, config)
+    standing = found == GOOD
+    if standing.any():
+        size = np.maximum(np.rint(site.size * NET_PX / site.size[0]), 1).astype(int)
+        shares = lacks(surface, cam_from_world[standing], site, size)
+        lacking = 1 - config.min_view_covered
+        limits = MARGIN * np.array([lacking, config.max_back_faces, lacking, config.max_smeared])
+        found[standing] = _first(shares > limits, REASONS.index("empty"))
+    return found
+
+
+def lacks(
+    surface: Raycaster, cam_from_world: Float[np.ndarray, "n 3 4"], site: Site, size: Int[np.ndarray, " 2"]
+) -> Float[np.ndarray, "n 4"]:
+    """Return which share of each view is empty, shows the surface from behind, is black, and is smeared; at this size.
+
+    Smeared is what the view of full size shows more finely than the photos about justify.
+    """
+    scale = size[0] / site.size[0]
+    answer = np.empty((len(cam_from_world), 4))
+    for row, camera in zip(answer, cam_from_world, strict=True):
+        origin, directions = pixel_rays(camera, site.intrinsics * scale, size)
+        hits = surface.cast(origin, directions)
+        hit = hits.triangle >= 0
+        black = site.black[hits.triangle] & hit
+        smeared = (hits.distance / site.focal_px < site.justified[hits.triangle]) & hit
+        row[:] = 1 - hit.mean(), (from_behind(hits, directions) & hit).mean(), black.mean(), smeared.mean()
+    return answer
+
+
+def from_behind(hits: Hits, directions: Float[np.ndarray, "*r 3"]) -> Bool[np.ndarray, " *r"]:
+    """Tell which rays leave the surface through its outside, which the triangles' winding tells."""
+    return np.einsum("...k,...k->...", hits.normal, directions) > 0
+
+
+def _faults_of_place(
+    surface: Raycaster,
+    cam_from_world: Float[np.ndarray, "n 3 4"],
+    radius: Float[np.ndarray, " n"],
+    config: SamplingConfig,
+) -> Int[np.ndarray, " n"]:
     places = centres(cam_from_world)
-    clear = surface.distance(places) >= config.min_clearance * radius
-    above = np.isinf(surface.cast(places, np.array([0.0, 0.0, 1.0])).distance)
-    in_sight = surface.cast(places, forward(cam_from_world)).distance >= IN_SIGHT * radius
-    return clear & above & in_sight & (covered_share(surface, cam_from_world, site) >= config.min_view_covered)
+    above = surface.cast(places, UP)
+    roofed, behind = above.triangle >= 0, from_behind(above, np.broadcast_to(UP, places.shape))
+    too_near = surface.distance(places) < config.min_clearance * radius
+    hidden = surface.cast(places, forward(cam_from_world)).distance < IN_SIGHT * radius
+    return _first(np.stack([roofed & behind, roofed, too_near, hidden], axis=1), REASONS.index("inside"))
 
 
-def covered_share(
-    surface: Raycaster, cam_from_world: Float[np.ndarray, "n 3 4"], site: Site
-) -> Float[np.ndarray, " n"]:
-    """Return the share of each view that shows surface, from a coarse net of rays."""
-    scale = PROBE_PX / site.size[0]
-    size = np.maximum(np.rint(site.size * scale), 1).astype(int)
-    rays = [pixel_rays(camera, site.intrinsics * scale, size) for camera in cam_from_world]
-    origins = np.stack([origin for origin, _ in rays])[:, None, None]
-    hits = surface.cast(origins, np.stack([direction for _, direction in rays]))
-    return (hits.triangle >= 0).mean(axis=(1, 2))
+def _first(wrong: Bool[np.ndarray, "n r"], start: int) -> Int[np.ndarray, " n"]:
+    """Return the first reason of each row, counted from `start`, or GOOD."""
+    return np.where(wrong.any(axis=1), start + wrong.argmax(axis=1), GOOD)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from aug3d_core.stage import StageConfig
@@ -10,9 +12,24 @@ from aug3d_core.stage import StageConfig
 class SamplingConfig(StageConfig):
     """How many virtual cameras there are and where they may stand."""
 
+    method: Literal["spiral", "dome", "grid", "buildings", "sam"] = Field(
+        default="grid", description="How the places of domes are chosen."
+    )
+    choice: Literal["coverage", "uniform"] = Field(
+        default="coverage",
+        description="Keep what shows most surface from new directions, as long as it adds enough; or all as drawn.",
+    )
+    min_gain: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="What a dome must add to be kept, as a share of what a dome shows on average.",
+    )
     width_px: int = Field(default=96, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
     height_px: int = Field(default=72, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
-    domes: int = Field(default=16, ge=1, le=100_000, description="Domes wanted; the grid's cells are sized for it.")
+    domes: int = Field(
+        default=16, ge=1, le=100_000, description="Most domes (count); choice: coverage may find that fewer do."
+    )
     views_per_dome: int | None = Field(
         default=None,
         ge=2,
@@ -49,9 +66,36 @@ class SamplingConfig(StageConfig):
     min_cell_covered: float = Field(
         default=0.9, gt=0, le=1, description="Share of the ground that a dome looks at which must have surface."
     )
-    min_view_covered: float = Field(default=0.92, ge=0, le=1, description="Share of a view that must show surface.")
+    min_view_covered: float = Field(default=0.9, ge=0, le=1, description="Share of a view that must show surface.")
+    max_back_faces: float = Field(
+        default=0.02, ge=0, le=1, description="Share of a view that may show the surface from behind."
+    )
+    max_smeared: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="Share of a view that may show the surface at over twice the fineness that photos about it justify.",
+    )
     min_clearance: float = Field(
         default=0.4, ge=0, lt=1, description="Distance that a camera keeps from any surface, as a share of its radius."
+    )
+    slice_percentile: float | None = Field(
+        default=None,
+        gt=0,
+        lt=100,
+        description="Percentile (K) of the heights above the ground at which a plane cuts buildings off; empty: between "
+        "what is low and what is high.",
+    )
+    sam_weights: str | None = Field(
+        default=None,
+        description="For method sam: folder with config.json and model.safetensors of a Segment Anything model, or its name "
+        "on the Hugging Face hub, such as facebook/sam-vit-base.",
+    )
+    merged_boxes: int = Field(
+        default=3,
+        ge=0,
+        le=100,
+        description="Most neighbours (M) that each building is put together with under one dome.",
     )
     tries: int = Field(
         default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up."

@@ -1,8 +1,11 @@
-"""Domes over the cells of one grid.
+"""Domes over cells of several sizes: few large ones, more small ones.
 
-The cells' side is chosen so that about the wanted number of them can have a dome. Its radius is that at which the cell
-fills the view, but where cells are small it is that of the finest sampling that the photos justify; neighbours then
-overlap.
+The sizes come from how high the scene stands in relation to its width and length. A dome over a cell that is much wider
+than things are high sees next to no parallax (a homography explains its views), one over a cell that is no wider than
+things are high sees a single roof or wall. So cells are from FINEST to COARSEST times the relief wide: a large flat
+scene gets many cells across, a small or tall one few. No cell is smaller than what the finest view that the photos
+justify shows, none larger than the scene; between these there are two sizes at least, because a model that knows one
+scale alone overfits to it.
 """
 
 from __future__ import annotations
@@ -10,108 +13,57 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from aug3d_core.geometry.transforms import homogeneous, invert
-from aug3d_core.sampling.cameras import Cameras, Dome, Plan
-from aug3d_core.sampling.conditioning import usable
+from aug3d_core.sampling.cameras import Plan
 from aug3d_core.sampling.config import SamplingConfig
-from aug3d_core.sampling.dome import directions, looking_at
 from aug3d_core.sampling.ground import Ground
+from aug3d_core.sampling.place import Placed, covered_share, dome_over, looked_at, plan_of
 from aug3d_core.sampling.site import Site
 from aug3d_core.surface.raycast import Raycaster
 
-SIDES_TRIED = 120
-CLOSEST = 0.2  # least distance of two domes, as a share of what the nearest view shows
+FINEST, COARSEST = 2.0, 8.0  # sides of cells over the relief
+STEPS_TRIED = 120
+CLOSEST = 0.1  # least distance of neighbouring cells over their side
 
 
 def plan(surface: Raycaster, site: Site, config: SamplingConfig, rng: np.random.Generator) -> Plan:
-    """Plan the cameras of all domes; cells that cannot have one are in the answer with the reason."""
-    side = choose_side(site, config)
-    domes, poses = [], []
-    for centre in cell_centres(site.ground, side):
-        dome, cameras = _place(surface, site, config, rng, centre, side)
-        domes.append(dome)
-        if len(cameras):
-            poses.append(cameras)
-    return Plan(_table(poses, site), tuple(domes))
+    """Plan the cameras of all domes; cells that cannot have one are in the answer with the reason.
+
+    The domes wanted are shared equally among the scales; what a coarse one has no room for goes to the finer ones.
+    """
+    placed: list[Placed] = []
+    scales = choose_scales(site)
+    for rest, side in zip(range(len(scales), 0, -1), scales, strict=True):
+        wanted = round((config.domes - sum(dome.views > 0 for dome, _ in placed)) / rest)
+        if wanted > 0:
+            centres = cell_centres(site.ground, side, choose_step(site, config, side, wanted))
+            what = f"cell of {side:.4g}"
+            placed += [dome_over(surface, site, config, rng, centre, side, what) for centre in centres]
+    return plan_of(placed, site)
 
 
-def choose_side(site: Site, config: SamplingConfig) -> float:
-    """Return the cell side (world units) that gives the number of usable cells nearest to the wanted one."""
-    ground = site.ground
-    largest = float(ground.extent.max())
-    smallest = min(max(CLOSEST * looked_at(site, 0.0), ground.square), largest)
-    sides = np.geomspace(largest, smallest, SIDES_TRIED)
-    counts = [(_covered(site, cell_centres(ground, s), s) >= config.min_cell_covered).sum() for s in sides]
-    return float(sides[np.argmin(np.abs(np.array(counts) - config.domes))])
+def choose_scales(site: Site) -> tuple[float, ...]:
+    """Return the sides of cells (world units), largest first, each twice the next."""
+    room = float(site.ground.extent.min())
+    smallest = min(max(FINEST * site.relief, looked_at(site, 0.0)), room)
+    largest = min(max(COARSEST * site.relief, 2 * smallest), room)
+    doublings = int(np.log2(largest / smallest) + 1e-6)
+    return tuple(smallest * 2.0**k for k in range(doublings, -1, -1))
 
 
-def looked_at(site: Site, side: float) -> float:
-    """Return how wide the ground is that the nearest camera over a cell shows (world units)."""
-    return max(side, site.finest_sampling * float(site.size.max()))
+def choose_step(site: Site, config: SamplingConfig, side: float, wanted: int) -> float:
+    """Return the distance of cells (world units) at which the number that can have a dome is nearest to the wanted one.
+
+    At less than their side neighbouring cells overlap, at more there is ground between them.
+    """
+    steps = np.geomspace(float(site.ground.extent.max()), CLOSEST * side, STEPS_TRIED)
+    centres = [cell_centres(site.ground, side, step) for step in steps]
+    counts = [(covered_share(site, places, side) >= config.min_cell_covered).sum() for places in centres]
+    return float(steps[np.argmin(np.abs(np.array(counts) - wanted))])
 
 
-def cell_centres(ground: Ground, side: float) -> Float[np.ndarray, "n 2"]:
-    """Return the cells' centres, row by row from the south-west; the grid is centred on the ground."""
-    count = np.maximum(np.ceil(ground.extent / side - 1e-6).astype(int), 1)
+def cell_centres(ground: Ground, side: float, step: float) -> Float[np.ndarray, "n 2"]:
+    """Return the middles of cells that lie on the ground, row by row from the south-west, centred on it."""
+    count = np.floor((ground.extent - side) / step + 1e-6).astype(int).clip(0) + 1
     middle = ground.low + ground.extent / 2
-    x, y = (middle[axis] + side * (np.arange(count[axis]) - (count[axis] - 1) / 2) for axis in (0, 1))
+    x, y = (middle[axis] + step * (np.arange(count[axis]) - (count[axis] - 1) / 2) for axis in (0, 1))
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
-def _covered(site: Site, centres: Float[np.ndarray, "n 2"], side: float) -> Float[np.ndarray, " n"]:
-    return site.ground.covered_share(centres, looked_at(site, side))
-
-
-def _place(
-    surface: Raycaster,
-    site: Site,
-    config: SamplingConfig,
-    rng: np.random.Generator,
-    centre: Float[np.ndarray, " 2"],
-    side: float,
-) -> tuple[Dome, Float[np.ndarray, "k 3 4"]]:
-    """Put a dome on a cell; no cameras if it has to be passed over."""
-    nearest = looked_at(site, side) * site.focal_px / float(site.size.max())
-    covered = float(_covered(site, centre[None], side)[0])
-    seen = f"surface under {100 * covered:.0f} % of the view"
-
-    def dome(height: float, views: int, why: str) -> Dome:
-        return Dome(float(centre[0]), float(centre[1]), height, nearest, side, views, why)
-
-    if covered < config.min_cell_covered:
-        return dome(float("nan"), 0, f"passed over: {seen}"), np.zeros((0, 3, 4))
-    height, wanted = _height(site.ground, centre, side), site.views_per_dome
-    cameras, radius = _draw(np.append(centre, height), nearest, wanted * config.tries, config, rng)
-    cameras = cameras[usable(surface, cameras, radius, site, config)][:wanted]
-    if len(cameras) < wanted:
-        why = f"passed over: only {len(cameras)} of {len(radius)} cameras tried are free and see enough surface"
-        return dome(height, 0, why), np.zeros((0, 3, 4))
-    return dome(height, wanted, seen), cameras
-
-
-def _height(ground: Ground, centre: np.ndarray, side: float) -> float:
-    """Return the surface's median height in the middle of a cell, or in all of it where the middle is a hole."""
-    middle, whole = ground.window(centre, side / 4), ground.window(centre, side)
-    return float(np.nanmedian(middle if np.isfinite(middle).any() else whole))
-
-
-def _draw(
-    aim: Float[np.ndarray, " 3"], nearest: float, count: int, config: SamplingConfig, rng: np.random.Generator
-) -> tuple[Float[np.ndarray, "n 3 4"], Float[np.ndarray, " n"]]:
-    """Draw cameras in one sector of the dome, which is turned at random so that the scene is seen from all sides."""
-    heading = rng.uniform(0, 360)
-    sector = (heading - config.azimuth_range_deg / 2, heading + config.azimuth_range_deg / 2)
-    radius = nearest * rng.uniform(1.0, 1.0 + config.radius_spread, count)
-    direction = directions(count, (config.min_elevation_deg, config.max_elevation_deg), sector, rng)
-    return looking_at(aim, direction, radius), radius
-
-
-def _table(poses: list[Float[np.ndarray, "k 3 4"]], site: Site) -> Cameras:
-    count = sum(len(cameras) for cameras in poses)
-    return Cameras(
-        view_id=np.arange(count),
-        dome_id=np.repeat(np.arange(len(poses)), [len(cameras) for cameras in poses]),
-        world_from_cam=homogeneous(invert(np.concatenate([np.zeros((0, 3, 4)), *poses]))),
-        intrinsics=np.tile(site.intrinsics, (count, 1)),
-        size=np.tile(site.size, (count, 1)),
-    )

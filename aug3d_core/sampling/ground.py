@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.surface.raycast import Raycaster
 
-RASTER_PX = 400  # along the longer side: far finer than any cell of a grid
+RASTER_PX, MOST_PX = 400, 2500  # along the longer side: finer than any cell of a grid; more where that is asked
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,12 @@ class Ground:
     def extent(self) -> Float[np.ndarray, " 2"]:
         """Size along x and y, world units."""
         return np.array(self.height.shape[::-1]) * self.square
+
+    def points(self) -> Float[np.ndarray, "n 3"]:
+        """Return the surface at the middle of each square that has any."""
+        row, column = np.nonzero(self.covered)
+        xy = self.low + self.square * (np.stack([column, row], axis=1) + 0.5)
+        return np.column_stack([xy, self.height[row, column]])
 
     def window(self, centre: Float[np.ndarray, " 2"], side: float) -> Float[np.ndarray, " n"]:
         """Return the heights on a square about a place, as far as the raster goes; NaN where there is no surface."""
@@ -57,10 +63,11 @@ class Ground:
         return first, np.rint((centres + side / 2 - self.low) / self.square).astype(int).clip(first, count)
 
 
-def ground_of(mesh: Mesh, surface: Raycaster) -> Ground:
-    """Look straight down at a mesh."""
+def ground_of(mesh: Mesh, surface: Raycaster, widest: float = np.inf) -> Ground:
+    """Look straight down at a mesh, on squares no wider than this (world units) unless they would be too many."""
     low, high = mesh.xyz.min(axis=0).astype(float), mesh.xyz.max(axis=0).astype(float)
-    square = float((high - low)[:2].max()) / RASTER_PX
+    extent = float((high - low)[:2].max())
+    square = max(min(extent / RASTER_PX, widest), extent / MOST_PX)
     count = np.maximum(np.ceil((high - low)[:2] / square - 1e-6).astype(int), 1)
     x, y = (low[axis] + square * (np.arange(count[axis]) + 0.5) for axis in (0, 1))
     top = high[2] + square

@@ -27,6 +27,16 @@ class Doming:
         """Whether the bend is too large to ignore, and larger than the noise of the altitudes explains."""
         return abs(self.pct) > MOST_PCT and abs(self.pct) > 3 * self.sigma_pct
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to tell the user of it: nothing, if it is not flagged."""
+        if not self.flagged:
+            return ()
+        return (
+            f"the reconstruction is bent like a {'bowl' if self.pct > 0 else 'dome'}: camera heights leave GPS altitudes "
+            f"by {abs(self.pct):.1f} % of the flight's extent; photographs at an angle, or a second height, would hold it",
+        )
+
 
 def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
     """Fit the cameras' heights minus GPS altitudes by a + b x + c y + d r^2, robustly.

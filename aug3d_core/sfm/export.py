@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import pycolmap
 from jaxtyping import Float
 from PIL import Image
 
+from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.store import layout
 
@@ -23,6 +24,11 @@ class Arrays:
     views: Views
     points: Points
     tracks: Tracks
+
+    def moved(self, b_from_a: Similarity) -> Arrays:
+        """Return the same reconstruction in another frame."""
+        views = replace(self.views, cam_from_world=b_from_a.move_cameras(self.views.cam_from_world))
+        return Arrays(views, replace(self.points, xyz=b_from_a.apply(self.points.xyz)), self.tracks)
 
 
 def photo_id(image: pycolmap.Image) -> int:

@@ -22,7 +22,7 @@ from aug3d_core.sfm.agreement import detail_agreement
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.given_model import matched_keypoints, triangulated, with_given_points
 from aug3d_core.sfm.mapping import SMALLEST_MODEL
-from aug3d_core.sfm.write import align_model, alignment_notes, model_metrics, write_outputs
+from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
 
@@ -54,10 +54,11 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         check = _by_matches(inputs, config, Path(scratch)) if "matching" in inputs else _by_points(inputs)
         model, fit, refused = _agreeing(given, check, photos)
     progress(len(given), len(given), "poses checked; writing photographs undistorted")
-    alignment = align_model(model, photos, np.random.default_rng(config.seed))
-    arrays = write_outputs(model, [], alignment, photos, images, out)
+    alignment, arrays = align_model(model, photos, np.random.default_rng(config.seed))
+    write_outputs(model, arrays, [], alignment, photos, images, out)
     _unplaced(photos, given, refused).to_parquet(out / layout.UNPLACED)
-    metrics = model_metrics(model, arrays, alignment, photos) | {
+    doming = flight_doming(arrays, alignment, photos)
+    metrics = model_metrics(model, arrays, alignment, photos, doming) | {
         "components": 1,
         "photos_fit_median": float(np.nanmedian(fit)),
         "photos_contradicted": len(refused),
@@ -71,8 +72,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     few = len(arrays.views) < 0.5 * len(photos)
     return Outcome(
         metrics=metrics,
-        state="degraded" if few or refused or loose or alignment.problem else "ok",
-        notes=notes + alignment_notes(alignment),
+        state="degraded" if few or refused or loose or alignment.problem or (doming and doming.flagged) else "ok",
+        notes=notes + alignment_notes(alignment) + (doming.notes if doming else ()),
         pictures={"Points and cameras from above": layout.SFM_MAP},
     )
 

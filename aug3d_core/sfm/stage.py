@@ -7,23 +7,19 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pycolmap
 
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.photos.table import read_photos
 from aug3d_core.sfm import export
-from aug3d_core.sfm.align import Alignment
 from aug3d_core.sfm.camera_model import EXIF, Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
-from aug3d_core.sfm.doming import Doming, measure_doming
 from aug3d_core.sfm.grow import find_earlier
 from aug3d_core.sfm.mapping import Mapped, reconstruct
 from aug3d_core.sfm.matching_table import read_matching_table
-from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_baseline
 from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
-from aug3d_core.sfm.write import align_model, alignment_notes, model_metrics, write_outputs
+from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
 from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
@@ -49,16 +45,15 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
     largest = mapped.models[0]
     chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
-    alignment = align_model(chosen.model, photos, np.random.default_rng(config.seed))
+    alignment, arrays = align_model(chosen.model, photos, np.random.default_rng(config.seed))
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
-    arrays = write_outputs(chosen.model, mapped.models[1:], alignment, photos, images, out, known)
+    write_outputs(chosen.model, arrays, mapped.models[1:], alignment, photos, images, out, known)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
     unplaced.to_parquet(out / layout.UNPLACED)
-    doming = _doming(arrays, alignment, photos)
-    metrics = model_metrics(chosen.model, arrays, alignment, photos) | _choices(mapped, chosen)
+    doming = flight_doming(arrays, alignment, photos)
+    metrics = model_metrics(chosen.model, arrays, alignment, photos, doming) | _choices(mapped, chosen)
     metrics |= {"components": len(mapped.models), "grown_from": len(earlier.images) if earlier else 0}
-    metrics |= {"doming_pct": doming and doming.pct, "doming_sigma_pct": doming and doming.sigma_pct}
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
     doubtful = may_be_one_spot and chosen.focal_from != EXIF and not alignment.metric
@@ -68,7 +63,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         notes=(
             *unplaced_notes(unplaced, len(photos)),
             *alignment_notes(alignment),
-            *(_bend_note(doming) if bent else ()),
+            *(doming.notes if doming else ()),
             *((_SPOT_NOTE,) if doubtful else ()),
             *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),
         ),
@@ -96,18 +91,3 @@ def _refuse_short_baseline(arrays: export.Arrays) -> None:
     at = centres(arrays.views.cam_from_world)
     depth = np.linalg.norm(arrays.points.xyz[arrays.tracks.point] - at[arrays.tracks.view], axis=1)
     refuse_short_baseline(at, float(np.median(depth)))
-
-
-def _doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame) -> Doming | None:
-    if not alignment.metric:
-        return None
-    gps_enu_m = np.where(np.isfinite(photos[["alt_m"]]), gps_positions(photos)[0], np.nan)
-    return measure_doming(centres(arrays.views.cam_from_world), gps_enu_m[arrays.views.photo_id])
-
-
-def _bend_note(doming: Doming | None) -> tuple[str, ...]:
-    assert doming is not None
-    return (
-        f"the reconstruction is bent like a {'bowl' if doming.pct > 0 else 'dome'}: camera heights leave GPS altitudes by "
-        f"{abs(doming.pct):.1f} % of the flight's extent; photographs at an angle, or a second height, would hold it",
-    )

@@ -15,14 +15,17 @@ from jaxtyping import Float
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align
+from aug3d_core.sfm.doming import Doming, measure_doming
 from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
 from aug3d_core.stage import Metric
 from aug3d_core.store import layout
 
 
-def align_model(model: pycolmap.Reconstruction, photos: pd.DataFrame, rng: np.random.Generator) -> Alignment:
-    """Move the model into the world."""
+def align_model(
+    model: pycolmap.Reconstruction, photos: pd.DataFrame, rng: np.random.Generator
+) -> tuple[Alignment, export.Arrays]:
+    """Move the model into the world; return how, and what it then holds."""
     gps_enu_m, swapped_enu_m = gps_positions(photos)[0], _swapped_positions(photos)
     placed = [export.photo_id(image) for image in export.registered(model)]
     arrays = export.to_arrays(model)
@@ -38,24 +41,24 @@ def align_model(model: pycolmap.Reconstruction, photos: pd.DataFrame, rng: np.ra
     )
     fit = alignment.world_from_model
     model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
-    return alignment
+    return alignment, arrays.moved(fit)
 
 
 def write_outputs(
     model: pycolmap.Reconstruction,
+    arrays: export.Arrays,
     others: Sequence[pycolmap.Reconstruction],
     alignment: Alignment,
     photos: pd.DataFrame,
     images: Path,
     out: Path,
     known: Mapping[int, Path] | None = None,
-) -> export.Arrays:
+) -> None:
     """Write the model, which is in the world, as arrays, undistorted images, COLMAP files, records and a map.
 
-    others: reconstructions of further photographs, each in a frame of its own. images: folder of the photographs' working
-    copies. known: undistorted images that exist already, by photo id. Returns the arrays that were written.
+    arrays: what the model holds. others: reconstructions of further photographs, each in a frame of its own. images: folder
+    of the photographs' working copies. known: undistorted images that exist already, by photo id.
     """
-    arrays = export.to_arrays(model)
     arrays.views.save(out / layout.VIEWS)
     arrays.points.save(out / layout.POINTS)
     arrays.tracks.save(out / layout.TRACKS)
@@ -68,7 +71,6 @@ def write_outputs(
     world = world_record(alignment, photos)
     _write_json(world, out / layout.WORLD)
     draw_map(arrays.views, arrays.points, world["unit"], out / layout.SFM_MAP)
-    return arrays
 
 
 def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
@@ -85,8 +87,20 @@ def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
     }
 
 
+def flight_doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame) -> Doming | None:
+    """Return the bend of the reconstructed flight, None where GPS cannot tell it."""
+    if not alignment.metric:
+        return None
+    gps_enu_m = np.where(np.isfinite(photos[["alt_m"]]), gps_positions(photos)[0], np.nan)
+    return measure_doming(centres(arrays.views.cam_from_world), gps_enu_m[arrays.views.photo_id])
+
+
 def model_metrics(
-    model: pycolmap.Reconstruction, arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame
+    model: pycolmap.Reconstruction,
+    arrays: export.Arrays,
+    alignment: Alignment,
+    photos: pd.DataFrame,
+    doming: Doming | None,
 ) -> dict[str, Metric]:
     """Return the figures of a model that was written."""
     camera = model.camera(export.registered(model)[0].camera_id)
@@ -102,6 +116,8 @@ def model_metrics(
         "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)) if alignment.metric else None,
         "camera_height_m_median" if alignment.metric else "camera_height_units_median": float(np.median(heights)),
         "up_from": alignment.up_from,
+        "doming_pct": doming and doming.pct,
+        "doming_sigma_pct": doming and doming.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),
     }

@@ -6,14 +6,32 @@ from __future__ import annotations
 OBJECTS = "objects"
 WORK = "work"
 LOCKS = "locks"
+IN_USE = "in_use.lock"
 FAILURES = "failures"
 SCENES = "scenes"
+SCENE_FILES = (".yaml", ".yml")  # the registry: how the file of a scene may end, the first when it is written
 BENCH = "bench"
 BENCH_FIGURES = "figures.json"
-BENCH_POINTS = "points.parquet"
-BENCH_CHART = "time_against_accuracy.png"
+BENCH_PICTURES = "pictures"
+STUDIES = "studies"
+STUDY_FINDINGS = "study.json"
+STUDY_SCORES = "scores.parquet"
+STUDY_CHART = "chart.png"
+STUDY_PAGE = "study.html"
+STUDY_PART = "part.json"
+STORY = "story.html"
+PREFECT = "prefect"
+ALIVE = "prefect/alive"
+PREFECT_RESULTS = "prefect/results"
 MLFLOW_DATABASE = "mlflow.db"
 MLFLOW_ARTIFACTS = "mlflow-artifacts"
+SERVICES = "services"  # logs and passwords of the servers: only its owner may read it
+SERVICES_LOCK = "up.lock"
+SERVICES_RUNNING = "up.json"
+WORKER_READY = "worker.ready"
+MLFLOW_AUTH_CONFIG = "mlflow_auth.ini"
+MLFLOW_AUTH_DATABASE = "mlflow_auth.db"
+MLFLOW_OUTBOX = "mlflow-outbox"
 
 # One object
 FILES = "files"
@@ -24,6 +42,7 @@ OUTCOME = "outcome.json"
 ERROR = "error.json"
 PROGRESS = "progress.json"
 EARLIER = "earlier"
+GONE = ".gone-"  # begins the name of an object that is being deleted
 
 # testbed: `photos/` is what a user would have; `truth/` is kept apart and read by truth metrics alone
 TOWN_PHOTOS = "photos"
@@ -66,10 +85,18 @@ GROUPS = "groups.npz"
 SIMILARITY_PICTURE = "similarity.png"
 GROUPING_MAP = "grouping.png"
 
+# overlap
+OVERLAP_TABLE = "overlap.parquet"
+OVERLAP_MEMBERS = "overlap_members.parquet"
+GROUPS_MAP = "groups_map.png"
+GROUPS_COLUMNS = "groups_columns.jpg"
+
 # depth: `workspace/` is COLMAP's dense workspace
 DENSE_WORKSPACE = "workspace"
-DEPTH_MAPS = "workspace/stereo/depth_maps"
-NORMAL_MAPS = "workspace/stereo/normal_maps"
+WORKSPACE_DEPTH_MAPS = "stereo/depth_maps"
+WORKSPACE_NORMAL_MAPS = "stereo/normal_maps"
+DEPTH_MAPS = f"{DENSE_WORKSPACE}/{WORKSPACE_DEPTH_MAPS}"
+NORMAL_MAPS = f"{DENSE_WORKSPACE}/{WORKSPACE_NORMAL_MAPS}"
 FUSED = "fused.npz"
 BASELINE_FUSED = "baseline_fused.npz"
 DEPTH_SHEET = "depth_and_normals.png"
@@ -87,6 +114,10 @@ MESH_SOURCES = "mesh_sources.json"
 # sampling
 CAMERAS = "cameras.npz"
 DOME_TABLE = "domes.parquet"
+BUILDINGS = "buildings.npz"
+BUILDINGS_MAP = "buildings.png"
+SAMPLING_MAP = "map.png"
+COVERAGE_CHART = "coverage.png"
 
 # rendering
 SHARDS = "shards"
@@ -94,6 +125,7 @@ RENDER_TABLE = "renders.parquet"
 
 # dataset
 SCENE_ZARR = "scene.zarr"
+LEAK_AUDIT = "leak_audit.json"
 
 # nerf
 MODEL_WEIGHTS = "model.safetensors"
@@ -102,10 +134,17 @@ CHECKPOINT = "checkpoint"
 CURVE = "curve.parquet"
 TEST_VIEWS = "test_views.parquet"
 PANELS = "panels"
+FLYTHROUGH = "flythrough.webp"
+CONVENTIONS = "conventions.json"
+PREDICTION = "prediction.png"
+PREDICTION_DEPTH = "depth.png"
+PREDICTION_PANEL = "panel.png"
+PREDICTION_VIEW = "view.json"
 
 # charts
 REPORT = "report.html"
 METRICS = "metrics.json"
+PUBLISHED = "published.json"
 
 
 def image_name(photo_id: int) -> str:

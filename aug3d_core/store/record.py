@@ -37,6 +37,7 @@ class Record(Frozen):
     series: dict[str, tuple[tuple[int, float], ...]]
     pictures: dict[str, str]
     seconds: float
+    cpu_seconds: float | None = None  # of records from before 0.3: not measured
     peak_mib: float
 
     @property

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.errors import UsageError
+from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.scene_name import check_scene_name
 from aug3d_core.store import layout
+from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store, write_synced
 
@@ -29,14 +30,19 @@ def write_metrics(version: Path, metrics: dict[str, Any]) -> None:
     write_synced(version / layout.METRICS, json.dumps(metrics, indent=1).encode())
 
 
-def version_paths(store: Store, version: Path, records: Iterable[Record]) -> dict[str, Any]:
-    """Return where everything of a version lies: metrics, report, the MLflow store, each stage's files."""
+def version_paths(store: Store, version: Path, records: Mapping[str, Record]) -> dict[str, Any]:
+    """Return where everything of a version lies: metrics, report, the MLflow store, the files of each step."""
     return {
         "metrics": str(version / layout.METRICS),
         "report": str(version / layout.REPORT),
-        "mlflow": os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{store.root / layout.MLFLOW_DATABASE}",
-        "objects": {record.stage: str(store.files_dir(record)) for record in records},
+        "mlflow": mlflow_address(store),
+        "objects": {step: str(store.files_dir(record)) for step, record in records.items()},
     }
+
+
+def mlflow_address(store: Store) -> str:
+    """Return where MLflow keeps its runs: the user's server, or a database in the store."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{store.root / layout.MLFLOW_DATABASE}"
 
 
 def scenes(store: Store) -> list[str]:
@@ -44,13 +50,54 @@ def scenes(store: Store) -> list[str]:
     return sorted({path.parent.parent.name for path in (store.root / layout.SCENES).glob(f"*/*/{layout.METRICS}")})
 
 
+def versions(store: Store, scene: str) -> list[Path]:
+    """Return the folders of a scene's versions that count, oldest first."""
+    folder = store.root / layout.SCENES / check_scene_name(scene)
+    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}"))
+
+
+def version_metrics(version: Path) -> dict[str, Any]:
+    """Return the `metrics.json` of a version."""
+    return json.loads((version / layout.METRICS).read_bytes())
+
+
 def last_version(store: Store, scene: str) -> dict[str, Any]:
     """Return the `metrics.json` of a scene's newest version; raises UsageError if there is none."""
-    folder = store.root / layout.SCENES / check_scene_name(scene)
-    versions = sorted(folder.glob(f"*/{layout.METRICS}"))
-    if not versions:
+    found = versions(store, scene)
+    if not found:
         known = ", ".join(scenes(store)) or "none yet"
         raise UsageError(
             f"there is no scene {scene!r} in {store.root}", f"scenes here: {known}; make one with aug3d run"
         )
-    return json.loads(versions[-1].read_bytes())
+    return version_metrics(found[-1])
+
+
+def records_before(store: Store, scene: str) -> dict[str, Record]:
+    """Return what the published version of a scene is made of, else the newest, by step; what is gone is left out."""
+    version = published(store, scene)
+    try:
+        metrics = last_version(store, scene) if version is None else version_metrics(version)
+    except UsageError:
+        return {}
+    return records_of(store, metrics)
+
+
+def records_of(store: Store, metrics: Mapping[str, Any]) -> dict[str, Record]:
+    """Return what a version is made of, by step; what is gone is left out."""
+    keys = {step: Path(files).parent for step, files in metrics["paths"]["objects"].items()}
+    found = {step: store.find(folder.parent.name, folder.name) for step, folder in keys.items()}
+    return {step: record for step, record in found.items() if record is not None}
+
+
+def object_of(store: Store, metrics: Mapping[str, Any], step: str) -> Record:
+    """Return what a step of a version made; raises UsageError if it made none, StoreError if the files are gone."""
+    scene, objects = metrics["scene"], metrics["paths"]["objects"]
+    if step not in objects:
+        raise UsageError(
+            f"scene {scene!r} has no {step}: its last run ended before", f"see aug3d show {scene}, then run again"
+        )
+    key = Path(objects[step]).parent.name  # the store may have been moved since
+    record = store.find(Path(objects[step]).parent.parent.name, key)
+    if record is None:
+        raise StoreError(f"the {step} of scene {scene!r} is gone from {store.root}", "run the scene again")
+    return record

@@ -7,6 +7,7 @@ object cannot be seen. Work folders survive a kill: a resumable stage goes on wh
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
 import os
 import shutil
@@ -18,6 +19,7 @@ from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
 from aug3d_core.errors import StoreError
+from aug3d_core.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.record import FileEntry, Record, files_digest
 
@@ -66,6 +68,43 @@ class Store:
         except Timeout as error:
             raise StoreError(f"another process is making {stage} {key}", "wait for it, or end it") from error
 
+    @contextmanager
+    def using(self) -> Iterator[None]:
+        """Keep what is in the store from being dropped: runs, studies and readers of files hold this, any number at once.
+
+        Waits while something is being dropped. The operating system ends it when the holder dies.
+        """
+        with (self.root / layout.LOCKS / layout.IN_USE).open("ab") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)
+            yield
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Hold the right to drop objects; raises StoreError while anyone uses the store."""
+        with (self.root / layout.LOCKS / layout.IN_USE).open("ab") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise StoreError(
+                    f"a run, a study or a prediction is using the store {self.root}",
+                    "wait until it has ended, then try again: it may need what would go",
+                ) from error
+            yield
+
+    @contextmanager
+    def turn(self, stage: str, progress: Progress) -> Iterator[None]:
+        """Wait until no other object of a stage is being made, and hold that right."""
+        lock = FileLock(self.root / layout.LOCKS / f"{stage}.turn.lock")
+        with suppress(Timeout):
+            lock.acquire(timeout=0)
+        if not lock.is_locked:
+            progress(0, 1, f"waiting for another scene's {stage}")
+            lock.acquire()
+        try:
+            yield
+        finally:
+            lock.release()
+
     def find(self, stage: str, key: str) -> Record | None:
         """Return the record of a complete, unaltered object. An altered one is moved out of the way."""
         folder = self.object_dir(stage, key)
@@ -76,13 +115,13 @@ class Store:
         if record is not None and all(_intact(folder / layout.FILES / path, e) for path, e in record.files.items()):
             return record
         if folder.exists():
-            _discard(folder)
+            discard(folder)
         return None
 
     def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
         """Return the files' folders of the objects that a recipe made, newest first."""
         found = []
-        for path in (self.root / layout.OBJECTS / stage).glob(f"*/{layout.RECORD}"):
+        for path in (self.root / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"):
             with suppress(OSError, ValidationError):
                 if Record.model_validate_json(path.read_bytes()).recipe == recipe:
                     found.append((path.stat().st_mtime_ns, path.parent / layout.FILES))
@@ -162,9 +201,9 @@ def _files_under(folder: Path) -> Iterator[Path]:
     return (path for path in folder.rglob("*") if path.is_file())
 
 
-def _discard(folder: Path) -> None:
-    """Take an object out of sight first: a delete that is cut short must not leave a folder that looks whole."""
-    gone = folder.with_name(f".gone-{folder.name}-{os.getpid()}")
+def discard(folder: Path) -> None:
+    """Take a folder out of sight before it is deleted: a delete that is cut short must not leave one that looks whole."""
+    gone = folder.with_name(f"{layout.GONE}{folder.name}-{os.getpid()}")
     folder.rename(gone)
     shutil.rmtree(gone)
 

@@ -40,21 +40,20 @@ class Comparison:
     @property
     def psnr(self) -> float:
         """PSNR (dB) over covered pixels; NaN where none is."""
-        return self._psnr(np.ones(3))
+        covered = self.alpha >= COVERED
+        return _psnr(self.photo[covered], self.render[covered])
 
     @property
-    def evened_psnr(self) -> float:
-        """PSNR (dB) over covered pixels once each channel of the render has the photo's mean; NaN where none is."""
-        covered = self.alpha >= COVERED
-        photo, render = self.photo[covered].sum(axis=0), self.render[covered].sum(axis=0)
-        return self._psnr(photo / np.maximum(render, 1))
+    def flat_psnr(self) -> float:
+        """PSNR (dB) of the photo's own mean colour over the same pixels: a render worse than that shows nothing right."""
+        photo = self.photo[self.alpha >= COVERED]
+        return _psnr(photo, photo.mean(axis=0, keepdims=True) if len(photo) else photo)
 
-    def _psnr(self, gain: Float[np.ndarray, " 3"]) -> float:
-        covered = self.alpha >= COVERED
-        if not covered.any():
-            return float("nan")
-        error = (self.photo[covered].astype(float) - (self.render[covered] * gain).clip(0, 255)) / 255
-        return float(-10 * np.log10(max(np.mean(error**2), 1e-10)))
+
+def _psnr(truth: UInt8[np.ndarray, "p 3"], shown: np.ndarray) -> float:
+    if not len(truth):
+        return float("nan")
+    return float(-10 * np.log10(max(np.mean(((truth.astype(float) - shown) / 255) ** 2), 1e-10)))
 
 
 def rgba(render: Render) -> Image.Image:

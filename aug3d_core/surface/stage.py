@@ -179,8 +179,8 @@ def _compare(scene: _Scene, targets: np.ndarray, known: np.ndarray, renders: lis
             compared = checks.compare_views(scene.images, scene.views, list(chosen), shown, px)
             figures |= {
                 f"{prefix}render_psnr{suffix}": checks.mean_finite([c.psnr for c in compared]),
-                f"{prefix}render_psnr_evened{suffix}": checks.mean_finite([c.evened_psnr for c in compared]),
                 f"{prefix}covered_share{suffix}": checks.mean_finite([c.covered_share for c in compared]),
+                f"{prefix}flat_psnr{suffix}": checks.mean_finite([c.flat_psnr for c in compared]),
             }
     return figures
 
@@ -225,6 +225,13 @@ def _doubts(figures: dict[str, Metric]) -> list[str]:
         notes.append(f"only {points:.0f} fused points carry the surface: its shape is coarse")
     if covered < LOW_COVERAGE:
         notes.append(f"the mesh covers only {100 * covered:.0f} % of the photos")
+    for whose, prefix in (("held-out photos", "target_"), ("the photos that coloured it", "")):
+        shown, flat = figures[f"{prefix}render_psnr"], figures[f"{prefix}flat_psnr"]
+        if shown is not None and flat is not None and float(shown) <= float(flat):
+            notes.append(
+                f"the mesh shows {whose} no better than one colour for each would"
+                f" ({float(shown):.1f} dB against {float(flat):.1f} dB): its shape is wrong"
+            )
     return notes
 
 

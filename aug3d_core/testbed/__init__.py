@@ -15,5 +15,8 @@
 * `town_stage`  render the flight
 * `truth_stage`, `pose_errors`   compare reconstructed poses with the true ones
 * `mesh_truth_stage`, `mesh_errors`, `error_map`   compare the reconstructed mesh, and its renders
+* `overlap_stage`   what members of groups really see alike, on the true town
+* `edge_cases`, `patchwork`   small exact worlds on which some way of grouping goes wrong
+* `building_boxes`   compare the buildings found with the true ones
 * `surface_samples`   points spread evenly over a mesh
 """

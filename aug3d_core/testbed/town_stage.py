@@ -14,7 +14,7 @@ from PIL import Image
 
 from aug3d_core.geometry.transforms import centres, homogeneous, invert
 from aug3d_core.geometry.views import Views
-from aug3d_core.rendering.job import MeshFile, RenderJob, Sunlit
+from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, Sunlit
 from aug3d_core.rendering.launch import render
 from aug3d_core.rendering.sheet import save_sheet
 from aug3d_core.stage import Inputs, Outcome, Progress
@@ -85,13 +85,13 @@ def _shoot(town: Town, darkroom: Darkroom, config: TownConfig, photos: Path, scr
         last = min(first + config.photos_per_shard, total)
         if all((photos / photo_name(i)).exists() for i in range(first, last)):
             continue
-        job = RenderJob(
-            meshes=meshes, cameras=cameras, first=first, last=last, out=scratch / layout.shard_name(first),
-            samples=config.samples, light=_LIGHT, depth=False, seed=config.seed,
-        )  # fmt: skip
+        shard = Shard(
+            first=first, last=last, out=scratch / layout.shard_name(first), samples=config.samples, seed=config.seed
+        )
+        job = RenderJob(meshes=meshes, cameras=cameras, shards=(shard,), light=_LIGHT, depth=False)
         render(job, lambda done, first=first: progress(first + done, total, "photographs"))
-        with np.load(job.out) as shard:
-            rgb, alpha = shard["rgb"], shard["alpha"]
+        with np.load(shard.out) as arrays:
+            rgb, alpha = arrays["rgb"], arrays["alpha"]
         for i in range(first, last):
             darkroom.develop(rgb[i - first], alpha[i - first], i, photos / photo_name(i))
         rendered += last - first

@@ -1,8 +1,11 @@
+import base64
+import io
 import re
 
+import numpy as np
 from PIL import Image
 
-from aug3d_core.charts.html import duration, number, picture, spaced, table, tag
+from aug3d_core.charts.html import duration, number, percent, picture, spaced, table, tag
 
 
 def test_text_is_escaped_where_it_must_be():
@@ -31,5 +34,27 @@ def test_pictures_travel_inside_the_page(tmp_path):
     Image.new("RGB", (7, 11), (200, 30, 30)).save(tmp_path / "a.png")
     Image.new("RGB", (7, 11), (200, 30, 30)).save(tmp_path / "b.jpg")
     assert 'src="data:image/png;base64,' in picture(tmp_path / "a.png", "one")
-    assert 'src="data:image/jpeg;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
+    assert 'src="data:image/webp;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
     assert 'alt="say &quot;two&quot;"' in picture(tmp_path / "b.jpg", 'say "two"')
+
+
+def test_an_animation_keeps_moving(tmp_path):
+    frames = [Image.new("RGB", (7, 11), (shade, 30, 30)) for shade in (0, 200)]
+    frames[0].save(tmp_path / "a.webp", save_all=True, append_images=frames[1:])
+    page = picture(tmp_path / "a.webp", "a flight")
+    data = page.partition("data:image/webp;base64,")[2].partition('"')[0]
+    with Image.open(io.BytesIO(base64.b64decode(data))) as again:
+        assert getattr(again, "n_frames", 1) == 2
+
+
+def test_a_share_is_never_told_as_nothing_when_it_is_little():
+    shares = (None, 0.0, 0.0001, 0.004, 0.0051, 0.5, 1.0)
+    assert [percent(share) for share in shares] == ["-", "0 %", "under 1 %", "under 1 %", "1 %", "50 %", "100 %"]
+    assert percent(0.0004, 1) == "under 0.1 %" and percent(0.12345, 1) == "12.3 %"
+
+
+def test_large_pictures_are_embedded_smaller_and_say_their_size(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 255, (300, 400, 3), np.uint8)
+    Image.fromarray(noise).save(tmp_path / "a.png")
+    page = picture(tmp_path / "a.png", "noise", 200)
+    assert 'width="200" height="150"' in page and "image/webp" in page

@@ -71,3 +71,14 @@ def test_no_dome_left_is_no_views(stages):
     assert views.images.shape == (0, HEIGHT, WIDTH, 3)
     assert views.near_far.shape == (0, 2)
     assert views.domes_dropped == DOMES
+
+
+def test_a_plan_without_views_is_no_views_and_no_dome_is_missed(stages):
+    with np.load(stages / "cameras.npz") as file:
+        nothing = {name: file[name][:0] for name in file}
+    np.savez(stages / "cameras.npz", **nothing)
+    pd.read_parquet(stages / "renders.parquet").iloc[:0].to_parquet(stages / "renders.parquet")
+    views = pack(stages)
+    assert views.images.shape == (0, HEIGHT, WIDTH, 3) and views.depth.shape == (0, HEIGHT, WIDTH)
+    assert views.world_from_cam.shape == (0, 4, 4) and views.intrinsics.shape == (0, 4)
+    assert views.dome_id.shape == (0,) and views.domes_dropped == 0

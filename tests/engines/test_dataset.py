@@ -1,6 +1,8 @@
 """The stage `dataset` on a toy scene written as the outputs of the stages before it."""
 
 import json
+import shutil
+from filecmp import cmp
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,17 @@ from toy_scene import EXTENT_M, ROOF_M, toy_scene
 
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.reader import read
+from aug3d_core.dataset.scene import REAL as REAL_SOURCE
 from aug3d_core.dataset.scene import RENDERED, SPLITS
 from aug3d_core.dataset.stage import run
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.nerf.batch import check_groups, draw
+from aug3d_core.nerf.config import TrainingConfig
+from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.rendering.stage import run as render_views
+from aug3d_core.stages import DATASET_OF_PHOTOS
 from aug3d_core.store import layout
 
 WIDTH, HEIGHT, REAL = 24, 16, 36
@@ -108,7 +116,11 @@ def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
         assert np.array_equal(packed.groups[name], members), name
     assert outcome.metrics["real"] == REAL
     assert outcome.metrics["rendered"] == len(scene) - REAL
-    assert outcome.metrics["leak_audit"] == packed.attributes["leak_audit"] == "pass"
+    told = packed.attributes["leak_audit"]
+    assert told == json.loads((tmp_path / "out" / layout.LEAK_AUDIT).read_text())
+    assert outcome.metrics["leak_audit"] == told["state"] == "doubtful", "every photo of the toy sees every point"
+    assert any("share of a target's points that training sees" in note for note in outcome.notes)
+    assert outcome.metrics["leak_seen_share_max"] == 1
     assert (tmp_path / "out/contact_sheet.png").is_file()
 
 
@@ -128,7 +140,7 @@ def test_packing_repeats_to_the_byte(inputs, tmp_path):
     run(inputs, CONFIG, tmp_path / "out", silent)
     run(inputs, CONFIG, tmp_path / "again", silent)
     for one in (path for path in (tmp_path / "out").rglob("*") if path.is_file()):
-        assert one.read_bytes() == (tmp_path / "again" / one.relative_to(tmp_path / "out")).read_bytes()
+        assert cmp(one, tmp_path / "again" / one.relative_to(tmp_path / "out"), shallow=False)
 
 
 def test_without_a_whole_dome_the_set_is_degraded_and_says_so(inputs, tmp_path):
@@ -139,6 +151,30 @@ def test_without_a_whole_dome_the_set_is_degraded_and_says_so(inputs, tmp_path):
     assert outcome.metrics["rendered"] == 0
     assert outcome.metrics["domes_dropped"] == 4
     assert any("photographs alone" in note for note in outcome.notes)
+
+
+def test_without_virtual_views_the_set_is_of_photographs_alone_and_fine(inputs, tmp_path):
+    """What rendering itself writes of an empty plan is what is packed."""
+    with np.load(inputs["sampling"] / layout.CAMERAS) as file:
+        nothing = {name: file[name][:0] for name in file}
+    np.savez(inputs["sampling"] / layout.CAMERAS, **nothing)
+    shutil.rmtree(inputs["rendering"])
+    inputs["rendering"].mkdir()
+    render_views(inputs, RenderingConfig(), inputs["rendering"], silent)
+    outcome = run(inputs, CONFIG, tmp_path / "out", silent)
+    assert outcome.state == "ok"
+    assert any("photographs alone" in note for note in outcome.notes)
+    assert (outcome.metrics["rendered"], outcome.metrics["groups_rendered"], outcome.metrics["domes_dropped"]) == (
+        0,
+        0,
+        0,
+    )
+    packed = read(tmp_path / "out" / layout.SCENE_ZARR)
+    assert len(packed) == REAL
+    assert packed.groups["rendered"].shape == (0, packed.groups["real"].shape[1])
+    check_groups(packed, TrainingConfig())
+    batch = draw(packed, TrainingConfig(), np.random.default_rng(0))
+    assert (packed.source[batch.inputs] == REAL_SOURCE).all(), "training draws from photographs"
 
 
 def test_a_leak_stops_the_stage_and_names_the_view(scene, inputs, tmp_path):
@@ -163,3 +199,14 @@ def test_a_mesh_made_of_a_test_photo_is_refused(scene, inputs, tmp_path):
     (inputs["surface"] / layout.MESH_SOURCES).write_text(json.dumps({"mesh": [target], "baseline": []}))
     with pytest.raises(InputError, match=f"the data set leaks.*target photo {target}"):
         run(inputs, CONFIG, tmp_path / "out", silent)
+
+
+def test_photographs_alone_are_packed_the_same_without_renders(inputs, tmp_path):
+    (tmp_path / "alone").mkdir()
+    run(inputs, CONFIG, tmp_path / "out", silent)
+    alone = {name: inputs[name] for name in DATASET_OF_PHOTOS.inputs}
+    outcome = run(alone, CONFIG, tmp_path / "alone", silent)
+    both, photos = (read(tmp_path / name / layout.SCENE_ZARR) for name in ("out", "alone"))
+    assert len(photos) == REAL and np.array_equal(photos.images, both.images[:REAL])
+    assert np.array_equal(photos.groups["test"], both.groups["test"]) and not photos.groups["rendered"].size
+    assert outcome.metrics["rendered"] == 0 and not any("photographs alone" in note for note in outcome.notes)

@@ -15,7 +15,7 @@ from aug3d_core.depth import stage as depth_stage
 from aug3d_core.depth.cameras import Camera, camera_of
 from aug3d_core.depth.config import DepthConfig
 from aug3d_core.depth.job import DepthJob
-from aug3d_core.depth.launch import WorkerDied, run_jobs
+from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.maps import read_map
 from aug3d_core.depth.stage import run
 from aug3d_core.errors import InputError
@@ -24,6 +24,7 @@ from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.stage import Inputs, Outcome
 from aug3d_core.store import layout
+from aug3d_core.worker import WorkerDied
 
 ROLES = ["train"] * 8 + ["gap", "support", "support", "target"]
 MAP_PX = 240

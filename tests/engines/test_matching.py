@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import sqlite3
 from collections.abc import Iterable
+from contextlib import closing
+from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +44,24 @@ def files_of(folder: Path) -> Path:
 def assert_same_files(first: Path, second: Path) -> None:
     names = sorted(path.name for path in first.iterdir())
     assert names == sorted(path.name for path in second.iterdir()) == [layout.FEATURES, layout.MATCHING_TABLE]
+    assert differing_rows(first / layout.FEATURES, second / layout.FEATURES) == []
     for name in names:
-        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+        assert cmp(first / name, second / name, shallow=False), name
+
+
+def differing_rows(first: Path, second: Path) -> list[tuple[str, Any]]:
+    """Return the table and the key of each row that only one of the databases holds."""
+    with closing(sqlite3.connect(first)) as connection:
+        connection.execute("ATTACH ? AS other", (str(second),))
+        tables = [name for (name,) in connection.execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")]
+        one_sided = "SELECT * FROM (SELECT * FROM {0}.{2} EXCEPT SELECT * FROM {1}.{2})"
+        found = {
+            (table, row[0])
+            for table in tables
+            for sides in (("main", "other"), ("other", "main"))
+            for row in connection.execute(one_sided.format(*sides, table))
+        }
+    return sorted(found, key=str)
 
 
 def copy_some(flown: Path, folder: Path, which: Iterable[int]) -> Path:

@@ -8,7 +8,7 @@ from toy_scene import toy_scene
 
 from aug3d_core.nerf import sampling
 from aug3d_core.nerf.baselines import bilinear, project
-from aug3d_core.nerf.cameras import lookup
+from aug3d_core.nerf.cameras import PIXELS, Grid, lookup
 from aug3d_core.nerf.compositing import composite
 from aug3d_core.nerf.config import TrainingConfig
 from aug3d_core.nerf.encoder import SmallEncoder
@@ -30,7 +30,7 @@ def scene():
 def test_lookup_agrees_with_grid_sample():
     maps = torch.rand(2, 3, 5, 7, 11)
     xy_px = torch.rand(2, 3, 40, 2) * torch.tensor([30.0, 20.0]) - 4
-    found = lookup(xy_px, 2, 11, 7)(maps)
+    found = lookup(xy_px, Grid(2, 1.0), 11, 7)(maps.movedim(2, -1))
     grid = xy_px / torch.tensor([22.0, 14.0]) * 2 - 1
     there = F.grid_sample(maps.flatten(0, 1), grid.flatten(0, 1)[:, None], padding_mode="border", align_corners=False)
     assert torch.allclose(found, there[:, :, 0].movedim(1, -1).reshape(found.shape), atol=1e-5)
@@ -39,18 +39,16 @@ def test_lookup_agrees_with_grid_sample():
 def test_lookup_of_an_image_agrees_with_the_cheap_answers():
     image = np.random.default_rng(0).integers(0, 256, (7, 11, 3), dtype=np.uint8)
     xy_px = np.random.default_rng(1).uniform(-2, 13, (30, 2))
-    maps = torch.from_numpy(image.astype(np.float32)).movedim(-1, 0)[None, None]
-    found = lookup(torch.from_numpy(xy_px.astype(np.float32))[None, None], 1, 11, 7)(maps)
+    maps = torch.from_numpy(image.astype(np.float32))[None, None]
+    found = lookup(torch.from_numpy(xy_px.astype(np.float32))[None, None], PIXELS, 11, 7)(maps)
     assert np.allclose(found[0, 0].numpy(), bilinear(image, xy_px), atol=1e-3)
 
 
 def test_projecting_maps_and_sampling_commute():
     field = Field(SMALL, channels=6)
-    maps, xy_px = torch.rand(2, 6, 5, 9), torch.rand(1, 2, 30, 2) * 16
-    look = lookup(xy_px, 2, 9, 5)
-    early = look(field.project(maps)[None])
-    late = F.linear(look(maps[None]), field.features.weight[..., 0, 0], field.features.bias)
-    assert torch.allclose(early, late, atol=1e-5)
+    maps, xy_px = torch.rand(2, 5, 9, 6), torch.rand(1, 2, 30, 2) * 16
+    look = lookup(xy_px, Grid(2, 1.0), 9, 5)
+    assert torch.allclose(look(field.project(maps)[None]), field.project(look(maps[None])), atol=1e-5)
 
 
 def test_cameras_project_as_the_rest_of_the_project_does(scene):
@@ -157,8 +155,10 @@ def test_fog_follows_the_law_of_beer():
 
 
 def test_the_encoding_has_the_position_and_two_waves_an_octave():
-    assert encode(torch.rand(4, 3), 6).shape == (4, 3 + 6 * 2 * 3)
-    assert torch.allclose(encode(torch.zeros(1, 3), 2), torch.tensor([[0.0] * 3 + [0, 0, 0, 1, 1, 1] * 2]))
+    position, sines, cosines = encode(torch.tensor([[0.0, 0.1, 0.2]]), 2)
+    assert torch.equal(position, torch.tensor([[0.0, 0.1, 0.2]]))
+    assert torch.allclose(sines, torch.tensor([[0.0, 0.15, 0.3, 0.0, 0.3, 0.6]]).sin())
+    assert torch.allclose(cosines, torch.tensor([[0.0, 0.15, 0.3, 0.0, 0.3, 0.6]]).cos())
 
 
 def rendered(model, scene, inputs, view, **changes):
@@ -185,7 +185,9 @@ def test_the_order_of_the_inputs_does_not_matter(scene):
 
 def test_an_input_that_sees_nothing_of_it_changes_nothing_but_the_fallback(scene):
     torch.manual_seed(0)
-    model = _awake(PixelNeRF(SMALL).eval())
+    model = _awake(
+        PixelNeRF(SMALL.model_copy(update={"even_exposure": False})).eval()
+    )  # it counts in a group's exposure
     away = scene.world_from_cam.copy()
     away[20, :3, 3] += 1e4
     moved = _with(scene, world_from_cam=away)
@@ -201,12 +203,37 @@ def test_rendering_without_noise_repeats(scene):
     assert torch.equal(first, second)
 
 
-@pytest.mark.parametrize("name", ["blend_inputs", "encode_height", "opaque_end", "slab_bounds"])
+@pytest.mark.parametrize(
+    "name", ["blend_inputs", "encode_height", "even_exposure", "mask_unseen", "opaque_end", "see_pixels", "slab_bounds"]
+)
 def test_each_difference_from_the_paper_can_be_set_back(scene, name):
     config = SMALL.model_copy(update={name: False})
     coarse, fine = rendered(PixelNeRF(config), scene, [3, 9], 10)
     assert torch.isfinite(fine.colour).all()
     assert fine.colour.shape == coarse.colour.shape == (96, 3)
+
+
+def test_a_groups_exposure_is_nothing_to_what_the_network_knows(scene):
+    """Half as bright in, half as bright out: the network is shown the same, and what is blended has its own exposure."""
+    bright = _with(scene, images=scene.images // 2 * 2)
+    dark = _with(scene, images=scene.images // 2)
+    shown = []
+    for blended in (False, True):
+        torch.manual_seed(0)
+        model = _awake(PixelNeRF(SMALL.model_copy(update={"blend_inputs": blended})))
+        encoded = [model.encode(one, np.array([[3, 9]])) for one in (bright, dark)]
+        assert torch.allclose(encoded[0].fine, encoded[1].fine, atol=1e-4)
+        shown = [rendered(model, one, [3, 9], 10)[1].colour for one in (bright, dark)]
+        if not blended:
+            within = (shown[0] > 0) & (shown[0] < 1)
+            assert within.float().mean() > 0.5
+            assert torch.allclose(shown[1][within] * 2, shown[0][within], atol=1e-3)
+    assert 1.5 < (shown[0].mean() / shown[1].mean()).item() < 2.5
+    told = [
+        rendered(_awake(PixelNeRF(SMALL.model_copy(update={"even_exposure": False}))), one, [3, 9], 10)[1].colour
+        for one in (bright, dark)
+    ]
+    assert not torch.allclose(told[1] * 2, told[0], atol=1e-3), "the paper's network sees the difference"
 
 
 def test_without_extra_samples_the_fine_pass_uses_the_coarse_ones(scene):

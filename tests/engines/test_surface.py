@@ -1,11 +1,13 @@
 import json
 from dataclasses import replace
+from filecmp import cmp
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.fused import Fused
@@ -257,7 +259,7 @@ def test_the_same_input_gives_the_same_bytes(flight, built, tmp_path):
     build_surface(flight, tmp_path)
     files = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
     assert len(files) >= 10
-    assert all((tmp_path / f).read_bytes() == (built[1] / f).read_bytes() for f in files)
+    assert all(cmp(tmp_path / f, built[1] / f, shallow=False) for f in files)
 
 
 def test_no_pixel_of_a_held_out_photo_reaches_the_meshes(flight, built, tmp_path):
@@ -274,8 +276,21 @@ def test_no_pixel_of_a_held_out_photo_reaches_the_meshes(flight, built, tmp_path
                 (Image.new("RGB", image.size) if black else image).save(sfm / layout.VIEW_IMAGES / photo.name)
         out = tmp_path / f"out{len(hidden)}"
         build_surface(flight | {"sfm": sfm}, out)
-        assert all((out / name).read_bytes() == (built[1] / name).read_bytes() for name in same)
+        assert all(cmp(out / name, built[1] / name, shallow=False) for name in same)
     assert (out / layout.BASELINE_MESH_TEXTURE).read_bytes() != (built[1] / layout.BASELINE_MESH_TEXTURE).read_bytes()
+
+
+def test_a_mesh_that_shows_held_out_photos_worse_than_one_colour_is_degraded(flight, built, tmp_path):
+    assert built[0].metrics["target_render_psnr"] > built[0].metrics["target_flat_psnr"]
+    sfm = tmp_path / "sfm"
+    copytree(flight["sfm"], sfm)
+    target = sfm / layout.VIEW_IMAGES / layout.image_name(4)
+    with Image.open(target) as image:
+        other = ImageOps.invert(image.convert("RGB"))
+    other.save(target)
+    outcome = build_surface(flight | {"sfm": sfm}, tmp_path / "out")
+    assert outcome.state == "degraded"
+    assert "held-out photos no better than one colour" in outcome.notes[0]
 
 
 def test_too_few_fused_points_are_an_error_that_says_so(flight, tmp_path):

@@ -12,7 +12,7 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Views
 from aug3d_core.photos.exif import read_exif
-from aug3d_core.rendering.job import MeshFile, RenderJob
+from aug3d_core.rendering.job import MeshFile, RenderJob, Shard
 from aug3d_core.rendering.launch import render
 from aug3d_core.store import layout
 from aug3d_core.testbed.config import TownConfig
@@ -87,13 +87,10 @@ def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_
     job = RenderJob(
         meshes=(MeshFile(path=town / layout.TRUTH_MESH),),
         cameras=tmp_path / "cameras.npz",
-        first=2,
-        last=3,
-        out=tmp_path / "0.npz",
-        samples=4,
+        shards=(Shard(first=2, last=3, out=tmp_path / "0.npz", samples=4),),
     )
     render(job, lambda _: None)
-    with np.load(job.out) as shard:
+    with np.load(job.shards[0].out) as shard:
         seen, alpha = shard["rgb"][0].mean(axis=2), shard["alpha"][0]
     assert (alpha == 255).all(), "photographs show nothing beyond the world's edge"
     assert len(Mesh.load(town / layout.TRUTH_MESH).xyz) > 10_000

@@ -33,4 +33,5 @@ def scene_of(views: Views, points: Points, tracks: Tracks) -> GroupingScene:
     """Return the scene with its similarity."""
     shared = shared_points(visibility(tracks, len(views), len(points.xyz)))
     look, seen = look_positions(tracks, points.xyz, len(views))
-    return GroupingScene(views, shared, np.where((seen > 0)[:, None], look, centres(views.cam_from_world)[:, :2]))
+    look = np.where((seen > 0)[:, None], look, centres(views.cam_from_world)[:, :2])
+    return GroupingScene(views, shared, look, points.xyz)

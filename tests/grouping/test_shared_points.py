@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.geometry.views import Tracks
+from aug3d_core.grouping.config import GroupingConfig
 from aug3d_core.grouping.shared_points import group, most_shared
 
 RNG = np.random.default_rng(0)
@@ -18,8 +19,9 @@ RNG = np.random.default_rng(0)
 def test_members_are_distinct_candidates_centre_first(seed: int, k: int, count: int) -> None:
     scene = scene_of(*fly(24, 400, seed=seed))
     candidates = np.sort(np.random.default_rng(seed).choice(24, 16, replace=False))
-    members = group(scene, candidates, k, count, RNG)
-    assert members.shape == (min(count, 16), k)
+    members = group(scene, candidates, k, count, GroupingConfig(), RNG)
+    assert len(members) <= min(count, 16)
+    assert members.shape[1] == k
     assert np.isin(members, candidates).all()
     assert all(len(set(row)) == k for row in members)
     assert len(set(members[:, 0])) == len(members)
@@ -28,8 +30,8 @@ def test_members_are_distinct_candidates_centre_first(seed: int, k: int, count: 
 @given(st.integers(0, 2**31), st.integers(2, 10))
 def test_no_view_left_out_shares_more_than_one_taken(seed: int, k: int) -> None:
     scene = scene_of(*fly(24, 400, seed=seed))
-    shared = scene.shared.toarray()
-    for row in group(scene, np.arange(24), k, 6, RNG):
+    shared = scene.shared_share.toarray()
+    for row in group(scene, np.arange(24), k, 6, GroupingConfig(), RNG):
         out = np.setdiff1d(np.arange(24), row)
         assert shared[row[0], row[1:]].min() >= shared[row[0], out].max()
         assert (np.diff(shared[row[0], row[1:]]) <= 0).all()
@@ -50,7 +52,7 @@ def test_the_order_of_views_does_not_matter(seed: int) -> None:
 
 
 def test_every_view_is_a_centre_when_there_are_groups_enough() -> None:
-    members = group(scene_of(*fly(24, 400)), np.arange(24), 5, 100, RNG)
+    members = group(scene_of(*fly(24, 400)), np.arange(24), 5, 100, GroupingConfig(), RNG)
     assert sorted(members[:, 0]) == list(range(24))
 
 

@@ -13,22 +13,15 @@ from typing import Any
 
 import psutil
 import pytest
+from journeys.small_town import OVERRIDES
 
 from aug3d_core.stages import FROM_TOWN, STAGES
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 
-# The smallest town that structure from motion still puts together, and a network that learns next to nothing.
-TOWN = [
-    "town.length_m=75", "town.width_m=80", "town.altitude_m=45", "town.width_px=320", "town.photos_per_shard=6",
-    "matching.max_features=2048", "grouping.k=4", "grouping.groups=8", "depth.max_px=256", "sampling.domes=2",
-    "rendering.views_per_shard=4", "rendering.samples=4", "training.steps=30", "training.checkpoint_every=10",
-]  # fmt: skip
-SETTINGS = [word for setting in TOWN for word in ("--set", setting)]
-
 
 def command(home: Path, *more: str) -> list[str]:
-    return [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *SETTINGS, *more]
+    return [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *OVERRIDES, *more]
 
 
 def run(home: Path, *more: str) -> dict[str, Any]:
@@ -43,16 +36,6 @@ def digests(metrics: dict[str, Any]) -> dict[str, str]:
 
 def computed(metrics: dict[str, Any]) -> set[str]:
     return {name for name, figures in metrics["stages"].items() if not figures["cached"]}
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("demo")
-
-
-@pytest.fixture(scope="module")
-def first(home: Path) -> dict[str, Any]:
-    return run(home)
 
 
 def test_the_factory_ends_with_a_psnr_and_its_files(first: dict[str, Any]) -> None:
@@ -112,6 +95,18 @@ def test_a_training_setting_runs_only_training_and_evaluation(first: dict[str, A
     assert computed(changed) == {"training", "evaluation"}
 
 
+def test_in_folds_each_block_is_tested_once_and_what_the_folds_share_is_kept(first: dict[str, Any], home: Path) -> None:
+    folded = run(home, "--set", "grouping.folds=2")
+    shared = [stage.name for stage in FROM_TOWN[: FROM_TOWN.index(STAGES["grouping"])]]
+    assert computed(folded).isdisjoint(shared)
+    assert "evaluation_fold1" in folded["stages"]
+    roles = [folded["stages"][name]["metrics"] for name in ("grouping", "grouping_fold1")]
+    held_out = sum(metrics["support_views"] + metrics["target_views"] for metrics in roles)
+    assert held_out == first["stages"]["sfm"]["metrics"]["registered"]
+    assert folded["nvs"]["test_views"] == sum(metrics["target_views"] for metrics in roles)
+    assert computed(run(home, "--set", "grouping.folds=2")) == set()
+
+
 def test_killed_at_many_moments_it_ends_in_the_same_digests(first: dict[str, Any], tmp_path: Path) -> None:
     """SIGKILL the factory whenever one more stage has begun, until a run gets through."""
     killed = 0
@@ -139,7 +134,7 @@ def wait_for_work(home: Path, stage: str, factory: subprocess.Popen) -> bool:
 
 def leftovers(home: Path) -> list[str]:
     """Return the commands that still run for this home: stages, renderers, Prefect's server."""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while True:
         alive = [p for p in psutil.process_iter() if works_for(p, home)]
         if not alive or time.monotonic() > deadline:

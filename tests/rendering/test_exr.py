@@ -35,7 +35,8 @@ def images():
 
 def test_channels_come_back_as_written(tmp_path, images):
     (tmp_path / "a.exr").write_bytes(exr(images))
-    found = read_exr(tmp_path / "a.exr")
+    found, attributes = read_exr(tmp_path / "a.exr")
+    assert attributes["compression"] == b"\0"
     assert list(found) == list(images)
     for name, image in images.items():
         np.testing.assert_array_equal(found[name], image)

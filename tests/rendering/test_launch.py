@@ -1,69 +1,89 @@
-"""How a worker is started, followed and buried; shell scripts stand in for it."""
+"""Shards are shared among workers, kept when they exist, and go on in another process when one ends early."""
 
-import os
 from pathlib import Path
 
 import pytest
 
 from aug3d_core.rendering import launch
-from aug3d_core.rendering.job import MeshFile, RenderJob
-from aug3d_core.rendering.launch import WorkerDied, render
+from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, ViewDone
+from aug3d_core.rendering.launch import Spent, render
+from aug3d_core.worker import WorkerDied
+
+VIEWS = 3  # in each shard
+
+
+def job(folder: Path, shards: int = 4) -> RenderJob:
+    return RenderJob(
+        meshes=(MeshFile(path=folder / "mesh.ply"),),
+        cameras=folder / "c.npz",
+        shards=tuple(
+            Shard(first=i * VIEWS, last=(i + 1) * VIEWS, out=folder / f"{i}.npz", samples=1) for i in range(shards)
+        ),
+    )
+
+
+class Workers:
+    """Stand in for worker processes: each grows by 10 MiB a view and ends after `most` shards."""
+
+    def __init__(self) -> None:
+        self.asked: list[list[str]] = []
+        self.most = 100
+
+    def run(self, module, given, on_report, name, lighter) -> None:
+        assert module == "aug3d_core.rendering.worker" and "triangles" in lighter
+        assert given.shards[0].out.name in name
+        self.asked.append([shard.out.stem for shard in given.shards])
+        memory = 100.0
+        for shard in given.shards[: self.most]:
+            for _ in range(shard.last - shard.first):
+                on_report(ViewDone(cycles_s=0.5, resident_mib=memory).model_dump_json())
+                memory += 10
+            shard.out.touch()
 
 
 @pytest.fixture
-def job(tmp_path) -> RenderJob:
-    mesh = MeshFile(path=tmp_path / "mesh.ply")
-    return RenderJob(meshes=(mesh,), cameras=tmp_path / "c.npz", first=0, last=2, out=tmp_path / "0.npz", samples=1)
+def workers(monkeypatch) -> Workers:
+    stand_in = Workers()
+    monkeypatch.setattr(launch, "run_worker", stand_in.run)
+    return stand_in
 
 
-@pytest.fixture
-def pretend(tmp_path, monkeypatch):
-    """Run a shell script in place of the worker."""
-
-    def script(text: str) -> None:
-        shell: Path = tmp_path / "python"
-        shell.write_text(f"#!/bin/sh\n{text}\n")
-        shell.chmod(0o755)
-        monkeypatch.setattr(launch.sys, "executable", str(shell))
-
-    return script
-
-
-def test_progress_is_passed_on_and_the_job_is_what_the_worker_reads(job, pretend, tmp_path):
-    pretend(f"cp $3 {tmp_path}/seen.json; echo view 1 2; echo view 2 2; touch {job.out}")
+def test_views_are_told_as_they_are_done_and_what_they_cost(workers, tmp_path):
     told = []
-    render(job, told.append)
-    assert told == [1, 2]
-    assert RenderJob.model_validate_json((tmp_path / "seen.json").read_text()) == job
+    spent = render(job(tmp_path), told.append)
+    assert told == list(range(1, 13))
+    assert (spent.views, spent.workers, spent.cycles_s, spent.growth_mib) == (12, 1, 6.0, 110.0)
+    assert spent.worker_s > 0
 
 
-def test_the_worker_stays_in_the_process_group_that_is_killed_with_the_stage(job, pretend, tmp_path):
-    pretend(f"ps -o pgid= -p $$ > {tmp_path}/group; touch {job.out}")
-    render(job, lambda _: None)
-    assert int((tmp_path / "group").read_text()) == os.getpgrp()
+def test_shards_are_shared_among_workers(workers, tmp_path):
+    told = []
+    spent = render(job(tmp_path, 5), told.append, workers=2)
+    assert sorted(workers.asked) == [["0", "2", "4"], ["1", "3"]]
+    assert told == list(range(1, 16)) and spent.workers == 2
 
 
-def test_a_failure_is_told_with_the_last_words(job, pretend):
-    pretend("seq 100 >&2; echo 'mesh is broken' >&2; exit 3")
-    with pytest.raises(WorkerDied, match=r"(?s)0\.npz ended with exit code 3.*\n100\nmesh is broken") as caught:
-        render(job, lambda _: None)
-    assert "\n80\n" not in caught.value.problem
+def test_shards_that_exist_are_kept(workers, tmp_path):
+    (tmp_path / "1.npz").touch()
+    assert render(job(tmp_path), lambda _: None).views == 9
+    assert workers.asked == [["0", "2", "3"]]
+    nothing = render(job(tmp_path), lambda _: None, workers=2)
+    assert nothing == Spent() and nothing.overhead_share is None
 
 
-def test_a_killed_worker_is_told_with_its_signal(job, pretend):
-    pretend("echo 'no memory left' >&2; kill -KILL $$")
-    with pytest.raises(WorkerDied, match=r"(?s)signal SIGKILL.*no memory left") as caught:
-        render(job, lambda _: None)
-    assert "memory" in caught.value.remedy
+def test_another_worker_goes_on_where_one_ended_early(workers, tmp_path):
+    workers.most = 1
+    spent = render(job(tmp_path, 3), lambda _: None)
+    assert workers.asked == [["0", "1", "2"], ["1", "2"], ["2"]]
+    assert (spent.workers, spent.views, spent.growth_mib) == (3, 9, 20.0)
 
 
-def test_a_worker_that_leaves_nothing_has_failed(job, pretend):
-    pretend("exit 0")
-    with pytest.raises(WorkerDied, match="exit code 0"):
-        render(job, lambda _: None)
+def test_a_worker_that_leaves_nothing_has_failed(workers, tmp_path):
+    workers.most = 0
+    with pytest.raises(WorkerDied, match=r"0\.npz ended without its shard"):
+        render(job(tmp_path), lambda _: None)
+    assert len(workers.asked) == 1
 
 
-def test_a_full_disk_is_told_from_a_crash(job, pretend):
-    pretend("echo 'OSError: [Errno 28] No space left on device' >&2; exit 1")
-    with pytest.raises(OSError, match="No space left"):
-        render(job, lambda _: None)
+def test_overhead_is_what_is_not_cycles():
+    assert Spent(views=1, workers=1, worker_s=10.0, cycles_s=9.0).overhead_share == pytest.approx(0.1)

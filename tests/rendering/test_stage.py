@@ -5,43 +5,73 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from aug3d_core.errors import InputError
+from aug3d_core.geometry.ply import Mesh
 from aug3d_core.rendering import stage
 from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.rendering.job import Emission, Sunlit
+from aug3d_core.rendering.launch import Spent
+from aug3d_core.rendering.probe import Chosen
 from aug3d_core.store import layout
 
 WIDTH, HEIGHT = 11, 7
 
 
+class Renderer:
+    """Stand in for the workers: view v has columns of levels v and v + 9, and v % 5 of its rows are empty."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.jobs = []
+
+    def render(self, job, on_view, workers=1) -> Spent:
+        self.jobs.append(job)
+        missing = [shard for shard in job.shards if not shard.out.exists()]
+        spent = Spent()
+        for shard in missing:
+            self.asked.append(shard.out.name)
+            view_id = np.arange(shard.first, shard.last)
+            rgb = np.zeros((len(view_id), HEIGHT, WIDTH, 3), np.uint8) + view_id[:, None, None, None].astype(np.uint8)
+            rgb[:, :, ::2] += np.uint8(9) * (view_id != 11)[:, None, None, None].astype(np.uint8)
+            rgb[view_id < 3] = 0
+            alpha = np.full((len(view_id), HEIGHT, WIDTH), 255, np.uint8)
+            for i, v in enumerate(view_id):
+                alpha[i, : v % 5] = 0
+                spent.views += 1
+                on_view(spent.views)
+            with shard.out.open("wb") as file:
+                np.savez(file, view_id=view_id, rgb=rgb, alpha=alpha, depth=np.ones(alpha.shape, np.float16))
+        spent.worker_s, spent.cycles_s = len(missing) * 1.0, len(missing) * 0.95
+        return spent
+
+
 @pytest.fixture
-def rendered(monkeypatch):
-    """Replace the worker: view v is of grey level v with v % 5 rows empty; return the shards that it was asked for."""
-    asked = []
-
-    def render(job, on_view):
-        asked.append(job.out.name)
-        view_id = np.arange(job.first, job.last)
-        rgb = np.zeros((len(view_id), HEIGHT, WIDTH, 3), np.uint8) + view_id[:, None, None, None].astype(np.uint8)
-        alpha = np.full((len(view_id), HEIGHT, WIDTH), 255, np.uint8)
-        for i, v in enumerate(view_id):
-            alpha[i, : v % 5] = 0
-            on_view(i + 1)
-        with job.out.open("wb") as file:
-            np.savez(file, view_id=view_id, rgb=rgb, alpha=alpha, depth=np.ones(alpha.shape, np.float16))
-
-    monkeypatch.setattr(stage, "render", render)
-    return asked
+def renderer(monkeypatch) -> Renderer:
+    stand_in = Renderer()
+    monkeypatch.setattr(stage, "render", stand_in.render)
+    monkeypatch.setattr(stage, "choose_samples", lambda *_: Chosen(8, 38.5, "enough"))
+    return stand_in
 
 
 def plan(folder: Path, views: int) -> dict[str, Path]:
     folder.mkdir(exist_ok=True)
-    size = np.tile([WIDTH, HEIGHT], (views, 1))
-    np.savez(folder / layout.CAMERAS, view_id=np.arange(views), dome_id=np.arange(views) // 4, size=size)
+    np.savez(
+        folder / layout.CAMERAS,
+        view_id=np.arange(views),
+        dome_id=np.arange(views) // 4,
+        world_from_cam=np.tile(np.eye(4), (views, 1, 1)),
+        intrinsics=np.tile([10.0, 10.0, WIDTH / 2, HEIGHT / 2], (views, 1)),
+        size=np.tile([WIDTH, HEIGHT], (views, 1)),
+    )
+    Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 3), np.uint8), np.array([[0, 1, 2]], np.int32)).save(
+        folder / layout.MESH
+    )
     return {"sampling": folder, "surface": folder}
 
 
-def run(tmp_path: Path, views: int = 10, **config):
+def run(tmp_path: Path, views: int = 12, **config):
     out = tmp_path / "out"
     out.mkdir(exist_ok=True)
     told = []
@@ -51,58 +81,95 @@ def run(tmp_path: Path, views: int = 10, **config):
     return outcome, pd.read_parquet(out / layout.RENDER_TABLE), told
 
 
-def test_views_are_dropped_with_a_reason(rendered, tmp_path):
+def test_views_are_dropped_with_a_reason(renderer, tmp_path):
     outcome, table, told = run(tmp_path, min_covered_share=0.7)
-    assert table["view_id"].tolist() == list(range(10))
-    assert table["dome_id"].tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]
-    assert table["shard"].tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]
-    assert table["row"].tolist() == [0, 1, 2, 3, 0, 1, 2, 3, 0, 1]
-    np.testing.assert_allclose(table["covered_share"], 1 - np.arange(10) % 5 / 7)
-    black, bare = "black", "too little surface"
-    assert table["reason"].tolist() == [black, black, black, bare, bare, "", "", "", bare, bare]
-    assert outcome.metrics["kept"] == 3 and outcome.metrics["views"] == 10
-    assert outcome.metrics["dropped_black"] == 3 and outcome.metrics["dropped_too_little_surface"] == 4
-    assert told[-1] == (10, 10, "views rendered") and [p[0] for p in told] == sorted(p[0] for p in told)
+    assert table["view_id"].tolist() == list(range(12))
+    assert table["dome_id"].tolist() == [0] * 4 + [1] * 4 + [2] * 4
+    assert table["shard"].tolist() == [0] * 4 + [1] * 4 + [2] * 4
+    assert table["row"].tolist() == [0, 1, 2, 3] * 3
+    np.testing.assert_allclose(table["covered_share"], 1 - np.arange(12) % 5 / 7)
+    black, bare, flat = "black", "too little surface", "flat"
+    assert table["reason"].tolist() == [black, black, black, bare, bare, "", "", "", bare, bare, "", flat]
+    assert outcome.metrics["kept"] == 4 and outcome.metrics["views"] == 12
+    assert [outcome.metrics[f"dropped_{why}"] for why in ("black", "too_little_surface", "flat")] == [3, 4, 1]
+    assert told[-1] == (12, 12, "views rendered") and [p[0] for p in told] == sorted(p[0] for p in told)
 
 
-def test_shards_that_exist_are_not_rendered_again(rendered, tmp_path):
+def test_what_it_cost_is_told(renderer, tmp_path):
+    outcome, _, _ = run(tmp_path)
+    assert (outcome.metrics["samples"], outcome.metrics["samples_psnr_db"]) == (8, 38.5)
+    assert outcome.metrics["overhead_share"] == pytest.approx(0.05)
+    assert all(shard.samples == 8 for shard in renderer.jobs[0].shards)
+
+
+def test_samples_by_hand_are_not_probed(renderer, tmp_path, monkeypatch):
+    monkeypatch.setattr(stage, "choose_samples", None)
+    outcome, _, _ = run(tmp_path, samples=3)
+    assert (outcome.metrics["samples"], outcome.metrics["samples_psnr_db"]) == (3, None)
+
+
+def test_too_few_samples_for_the_light_are_told(renderer, tmp_path, monkeypatch):
+    monkeypatch.setattr(stage, "choose_samples", lambda *_: Chosen(48, 36.0, "even 48 samples stay below"))
+    outcome, _, _ = run(tmp_path)
+    assert outcome.state == "degraded" and "even 48" in outcome.notes[0]
+
+
+def test_the_light_is_the_configuration_s(renderer, tmp_path):
+    run(tmp_path)
+    run(tmp_path, light="sunlit", sun_azimuth_deg=90, sun_elevation_deg=30)
+    assert renderer.jobs[0].light == Emission()
+    assert renderer.jobs[1].light == Sunlit(sun_azimuth_deg=90, sun_elevation_deg=30).exposed()
+
+
+def test_shards_that_exist_are_not_rendered_again(renderer, tmp_path):
     first, table, _ = run(tmp_path)
-    assert rendered == ["0000.npz", "0001.npz", "0002.npz"]
+    assert renderer.asked == ["0000.npz", "0001.npz", "0002.npz"]
     (tmp_path / "out" / layout.SHARDS / "0001.npz").unlink()
-    _, again, _ = run(tmp_path)
-    assert rendered[3:] == ["0001.npz"]
+    _, again, told = run(tmp_path)
+    assert renderer.asked[3:] == ["0001.npz"]
+    assert [done for done, _, what in told if what == "views rendered"] == [8, 9, 10, 11, 12]
     pd.testing.assert_frame_equal(table, again)
     third, _, _ = run(tmp_path)
     assert third.metrics["views_per_minute"] is None and first.metrics["views_per_minute"] > 0
+    assert third.metrics["overhead_share"] is None
 
 
-def test_nothing_worth_keeping_is_an_error(rendered, tmp_path):
+def test_shards_are_equal_and_do_not_depend_on_the_machine(renderer, tmp_path, monkeypatch):
+    monkeypatch.setattr(stage.os, "sched_getaffinity", lambda _: set(range(16)))
+    run(tmp_path, views=10)
+    job = renderer.jobs[0]
+    assert [(shard.first, shard.last) for shard in job.shards] == [(0, 3), (3, 6), (6, 10)]
+    assert job.threads == 5
+
+
+def test_nothing_worth_keeping_is_an_error(renderer, tmp_path):
     with pytest.raises(InputError, match="none of the 3"):
         run(tmp_path, views=3)
 
 
-def test_an_empty_plan_is_an_error(rendered, tmp_path):
-    with pytest.raises(InputError, match="no views"):
-        run(tmp_path, views=0)
+def test_an_empty_plan_is_an_answer(renderer, tmp_path):
+    full = run(tmp_path)[1]
+    (tmp_path / "again").mkdir()
+    outcome, table, _ = run(tmp_path / "again", views=0)
+    assert outcome.state == "ok" and "photographs alone" in outcome.notes[0]
+    assert outcome.metrics["views"] == 0 and len(table) == 0
+    assert list(table.columns) == list(full.columns)
+    assert table["kept"].dtype == bool
+    assert not renderer.asked[3:]
 
 
-def test_views_of_several_sizes_are_an_error(rendered, tmp_path):
+def test_an_empty_plan_asks_for_no_mesh(renderer, tmp_path):
+    inputs = plan(tmp_path / "in", 0)
+    (tmp_path / "in" / layout.MESH).unlink()
+    assert stage.run(inputs, RenderingConfig(), tmp_path, lambda *_: None).metrics["views"] == 0
+
+
+def test_the_texture_is_used_when_there_is_one(renderer, tmp_path):
+    run(tmp_path)
     folder = tmp_path / "in"
-    inputs = plan(folder, 2)
-    np.savez(folder / layout.CAMERAS, view_id=np.arange(2), dome_id=np.zeros(2, int), size=np.array([[11, 7], [7, 11]]))
-    with pytest.raises(InputError, match="differ in size"):
-        stage.run(inputs, RenderingConfig(), tmp_path, lambda *_: None)
-
-
-def test_the_texture_is_used_when_there_is_one(rendered, tmp_path, monkeypatch):
-    jobs = []
-    worker = stage.render
-    monkeypatch.setattr(stage, "render", lambda job, on_view: (jobs.append(job), worker(job, on_view)))
-    run(tmp_path, views=4, min_covered_share=0.0)
-    folder = tmp_path / "in"
-    assert (jobs[-1].meshes[0].path, jobs[-1].meshes[0].texture) == (folder / layout.MESH, None)
-    (folder / layout.TEXTURED_MESH).touch()
-    (tmp_path / "out" / layout.SHARDS / "0000.npz").unlink()
-    run(tmp_path, views=4, min_covered_share=0.0)
-    mesh = jobs[-1].meshes[0]
+    assert (renderer.jobs[0].meshes[0].path, renderer.jobs[0].meshes[0].texture) == (folder / layout.MESH, None)
+    np.savez(folder / layout.TEXTURED_MESH, vertices=np.eye(3), triangles=[[0, 1, 2]], uv=np.zeros((1, 3, 2)))
+    Image.new("RGB", (4, 4)).save(folder / layout.MESH_TEXTURE)
+    run(tmp_path)
+    mesh = renderer.jobs[1].meshes[0]
     assert (mesh.path, mesh.texture) == (folder / layout.TEXTURED_MESH, folder / layout.MESH_TEXTURE)

@@ -43,6 +43,7 @@ def test_noise_and_wild_altitudes_bend_nothing() -> None:
     assert doming is not None
     assert abs(doming.pct) < 3 * doming.sigma_pct + 0.05
     assert not doming.flagged
+    assert doming.notes == ()
 
 
 def test_a_dome_beyond_the_bound_is_flagged() -> None:
@@ -51,6 +52,7 @@ def test_a_dome_beyond_the_bound_is_flagged() -> None:
     assert flagged is not None
     assert flagged.flagged
     assert flagged.pct < -MOST_PCT
+    assert any("bent like a dome" in note and f"{-flagged.pct:.1f} %" in note for note in flagged.notes)
 
 
 def test_altitudes_of_noise_tell_nothing() -> None:

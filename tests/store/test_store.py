@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -112,6 +113,68 @@ def test_the_lock_keeps_others_out_and_ends_with_its_holder(tmp_path: Path) -> N
     holder.join()
     with store.lock("photos", "k1", timeout_s=5):
         pass
+
+
+def _use(root: Path, ready: multiprocessing.synchronize.Event) -> None:
+    with Store(root).using():
+        ready.set()
+        time.sleep(60)
+
+
+def test_nothing_is_dropped_while_anyone_uses_the_store_until_the_last_of_them_ends(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    context = multiprocessing.get_context("spawn")
+    ready = context.Event()
+    user = context.Process(target=_use, args=(tmp_path, ready))
+    user.start()
+    assert ready.wait(60)
+    with store.using(), pytest.raises(StoreError, match=r"is using the store.*\n.*wait"), store.alone():
+        pass
+    with pytest.raises(StoreError, match="is using the store"), store.alone():
+        pass
+    user.kill()
+    user.join()
+    with store.alone():
+        pass
+
+
+def test_whoever_comes_while_something_is_dropped_waits(tmp_path: Path) -> None:
+    store, order = Store(tmp_path), []
+
+    def use() -> None:
+        with store.using():
+            order.append("used")
+
+    user = threading.Thread(target=use)
+    with store.alone():
+        user.start()
+        user.join(0.3)
+        order.append("dropped")
+    user.join(10)
+    assert order == ["dropped", "used"]
+
+
+def test_an_object_that_is_half_deleted_is_not_handed_on(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    commit(store)
+    store.object_dir("photos", "k1").rename(store.object_dir("photos", f"{layout.GONE}k1-1"))
+    assert store.made_by("photos", "r1", most=8) == []
+
+
+def test_turns_are_taken_one_at_a_time_and_the_wait_is_told(tmp_path: Path) -> None:
+    store, told, order = Store(tmp_path), threading.Event(), []
+
+    def second() -> None:
+        with store.turn("training", lambda done, total, what: (order.append(what), told.set())):
+            order.append("second")
+
+    with store.turn("training", lambda *_: order.append("never told")), store.turn("rendering", print):
+        other = threading.Thread(target=second)
+        other.start()
+        assert told.wait(10)
+        order.append("first")
+    other.join()
+    assert order == ["waiting for another scene's training", "first", "second"]
 
 
 def test_a_store_that_cannot_be_opened_says_so(tmp_path: Path) -> None:

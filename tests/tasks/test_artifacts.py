@@ -12,4 +12,4 @@ from tasks.artifacts import artifact_key
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_every_stage_has_a_key_of_letters_digits_and_dashes(stage: str) -> None:
-    assert re.fullmatch("[a-z0-9-]+", artifact_key(stage, "figures"))
+    assert re.fullmatch("[a-z0-9]+(-[a-z0-9]+)+", artifact_key(stage, "figures"))

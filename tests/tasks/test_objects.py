@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from aug3d_core.errors import StageFailed
+from aug3d_core.folds import Step
 from aug3d_core.make import Material, gather
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.stages import PHOTOS
@@ -30,13 +31,13 @@ def folder(tmp_path: Path) -> Path:
 def make_photos(home: Path, folder: Path):
     from prefect import flow
 
-    from tasks.objects import run_stage
+    from tasks.objects import run_step
 
     store = Store(home)
 
     @flow
     def only_photos():
-        return run_stage(store, PHOTOS, PhotosConfig(), gather(store, PHOTOS, {}, Material(photos=folder)))
+        return run_step(store, Step(PHOTOS), PhotosConfig(), gather(store, PHOTOS, {}, Material(photos=folder)))
 
     return only_photos()
 

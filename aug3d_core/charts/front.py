@@ -1,0 +1,201 @@
+"""Time against accuracy: one panel per setting, a dot per value, the front as a step line, failures on the floor. As PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+Mark = Literal["", "preset", "auto", "chosen"]
+COLOURS: dict[Mark, str] = {"": "#1d4ed8", "preset": "#c2410c", "auto": "#7e22ce", "chosen": "#15803d"}
+FRONT, FLOOR = "#94a3b8", "#dc2626"
+_SHAPES: dict[Mark, str] = {"": "o", "preset": "o", "auto": "^", "chosen": "*"}
+_COLUMNS = 3
+_MOST_TICKS = 6
+_LABEL_WIDE, _LABEL_HIGH = 0.35, 0.1  # of the panel: labels nearer than this would cover each other
+_AHEAD, _LEAST_S = 1.3, 1e-3
+
+
+@dataclass(frozen=True)
+class Dot:
+    """One value of a setting, or one configuration.
+
+    seconds, accuracy: medians over the repeats; accuracy is None where all failed. repeats: (seconds, accuracy) of each.
+    interval: of the accuracy. off: it was judged by another test, and beats nobody. hover: what a pointer is told.
+    """
+
+    label: str
+    seconds: float
+    accuracy: float | None
+    repeats: tuple[tuple[float, float], ...] = ()
+    interval: tuple[float, float] | None = None
+    mark: Mark = ""
+    off: bool = False
+    hover: str = ""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What is charted together. labelled: whether dots have their label beside them, or only what is marked and the front."""
+
+    title: str
+    accuracy_name: str
+    lower_is_better: bool
+    dots: tuple[Dot, ...]
+    labelled: bool = True
+
+    @property
+    def done(self) -> list[Dot]:
+        """The dots that have a figure."""
+        return [dot for dot in self.dots if dot.accuracy is not None]
+
+    @property
+    def on_front(self) -> list[Dot]:
+        """The dots that no other beats in both, fastest first."""
+        able = [dot for dot in self.done if not dot.off]
+        sign = -1 if self.lower_is_better else 1
+        return [able[i] for i in front([d.seconds for d in able], [sign * (d.accuracy or 0.0) for d in able])]
+
+    @property
+    def fastest_s(self) -> float:
+        """Where what failed before it took any time is drawn."""
+        return max(min((dot.seconds for dot in self.done), default=1.0) / _AHEAD, _LEAST_S)
+
+    @property
+    def span_s(self) -> list[float]:
+        """The times that the axis has to hold."""
+        return [max(dot.seconds, self.fastest_s) for dot in self.dots]
+
+    @property
+    def log_y(self) -> bool:
+        """Whether the accuracy is drawn on a log axis: errors span decades."""
+        return self.lower_is_better and bool(self.done) and all((dot.accuracy or 0.0) > 0 for dot in self.done)
+
+    @property
+    def axis_name(self) -> str:
+        """The name of the accuracy, and which way is better where that is down."""
+        return self.accuracy_name + (" - up is better: less error" if self.lower_is_better else "")
+
+
+def front(seconds: Sequence[float], gain: Sequence[float]) -> list[int]:
+    """Return the indices of the points that no other beats in both, by time."""
+    best, chosen = -np.inf, []
+    for index in sorted(range(len(seconds)), key=lambda i: (seconds[i], -gain[i])):
+        if gain[index] > best:
+            best = gain[index]
+            chosen.append(index)
+    return chosen
+
+
+def near(x: ArrayLike, y: ArrayLike) -> list[list[int]]:
+    """Return the points in groups that lie too close together on a panel for a label each."""
+    at = np.column_stack([x, y]).astype(float)
+    at = (at - at.min(axis=0, initial=np.inf)) / np.maximum(np.ptp(at, axis=0) if len(at) else 1.0, 1e-9)
+    groups: list[list[int]] = []
+    for index in np.lexsort(at.T):
+        close = (
+            g
+            for g in groups
+            if abs(at[g[0]] - at[index])[0] < _LABEL_WIDE and abs(at[g[0]] - at[index])[1] < _LABEL_HIGH
+        )
+        group = next(close, None)
+        if group is None:
+            groups.append([int(index)])
+        else:
+            group.append(int(index))
+    return groups
+
+
+def ticks(values: Sequence[float]) -> list[float]:
+    """Return round numbers about and among positive values for a logarithmic axis, few enough to be read."""
+    low, high = min(values), max(values)
+    for steps in ((1, 3), (1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 8), tuple(np.arange(10, 100) / 10)):
+        decades = 10.0 ** np.arange(np.floor(np.log10(low)) - 1, np.ceil(np.log10(high)) + 2)
+        series = np.sort(np.outer(decades, steps).ravel())
+        first, last = np.searchsorted(series, low, "right") - 1, np.searchsorted(series, high)
+        if last - first >= 3:
+            break
+    found = series[max(first, 0) : last + 1]
+    return found[:: -(-len(found) // _MOST_TICKS)].tolist()
+
+
+def draw(panels: Sequence[Panel], title: str, path: Path) -> None:
+    """Write the chart as PNG: the first panel as wide as all if it is not labelled, the others in columns."""
+    wide = [panel for panel in panels if not panel.labelled]
+    small = [panel for panel in panels if panel.labelled]
+    rows = -(-len(small) // _COLUMNS)
+    figure = Figure(figsize=(5.2 * _COLUMNS, 5.6 * len(wide) + 3.9 * rows + 0.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=11)
+    heights = [5.6] * len(wide) + [3.9] * rows
+    grid = figure.add_gridspec(len(heights), _COLUMNS, height_ratios=heights)
+    for row, panel in enumerate(wide):
+        _panel(figure.add_subplot(grid[row, :]), panel)
+    for index, panel in enumerate(small):
+        _panel(figure.add_subplot(grid[len(wide) + index // _COLUMNS, index % _COLUMNS]), panel)
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def _panel(axes: Axes, panel: Panel) -> None:
+    axes.set(title=panel.title, xlabel="processor seconds", xscale="log")
+    axes.set_ylabel(panel.axis_name, size=8)
+    if panel.log_y:
+        axes.set_yscale("log")
+    if panel.lower_is_better:
+        axes.invert_yaxis()
+    best = panel.on_front
+    axes.step([d.seconds for d in best], [d.accuracy or 0.0 for d in best], where="post", color=FRONT, zorder=1)
+    for dot in panel.done:
+        _dot(axes, dot)
+    _labels(axes, panel)
+    _floor(axes, panel)
+    axes.set_xticks(ticks(panel.span_s))
+    axes.xaxis.set_major_formatter("{x:g}")
+    if panel.log_y:
+        axes.set_yticks(ticks([dot.accuracy or 0.0 for dot in panel.done]))
+        axes.yaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()
+    axes.grid(True, alpha=0.2)
+    axes.margins(x=0.25 if panel.labelled else 0.12, y=0.2)
+
+
+def _dot(axes: Axes, dot: Dot) -> None:
+    colour, y = COLOURS[dot.mark], dot.accuracy or 0.0
+    if dot.interval:
+        axes.plot([dot.seconds] * 2, dot.interval, color=colour, alpha=0.25, lw=1, zorder=1)
+    if len(dot.repeats) > 1:
+        axes.scatter(*zip(*dot.repeats, strict=True), s=12, color=colour, alpha=0.5, zorder=2)
+    size = 150 if dot.mark == "chosen" else 70 if dot.mark == "auto" else 46
+    face = "none" if dot.off else colour
+    axes.scatter(dot.seconds, y, s=size, marker=_SHAPES[dot.mark], facecolor=face, edgecolor=colour, zorder=3)
+
+
+def _labels(axes: Axes, panel: Panel) -> None:
+    """Write labels, to the side where there is room; dots that lie close together share one."""
+    named = [dot for dot in panel.done if panel.labelled or dot.mark or dot in panel.on_front]
+    seconds, accuracy = [dot.seconds for dot in named], [dot.accuracy or 0.0 for dot in named]
+    middle = np.sqrt(min(panel.span_s) * max(panel.span_s))
+    for together in near(np.log(np.maximum(seconds, _LEAST_S)), np.log(accuracy) if panel.log_y else accuracy):
+        text = "\n".join(named[i].label for i in together)
+        at = seconds[together[0]], accuracy[together[0]]
+        left = not panel.labelled and at[0] > middle  # the long names of configurations
+        axes.annotate(
+            text, at, (-8 if left else 5, 5), textcoords="offset points", size=7, ha="right" if left else "left"
+        )
+
+
+def _floor(axes: Axes, panel: Panel) -> None:
+    """Mark what failed below everything else."""
+    floor = axes.get_ylim()[0]
+    for dot in panel.dots:
+        if dot.accuracy is None:
+            at = max(dot.seconds, panel.fastest_s), floor
+            axes.scatter(*at, marker="x", color=FLOOR, clip_on=False, zorder=3)
+            axes.annotate(f"{dot.label} failed", at, (5, 5), textcoords="offset points", size=7)

@@ -1,0 +1,128 @@
+"""The same chart for a browser: a pointer is told every figure, and a part can be drawn larger. It needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.offline import get_plotlyjs
+
+from aug3d_core.charts.front import COLOURS, FLOOR, FRONT, Dot, Panel, ticks
+
+_SHAPES = {"": "circle", "preset": "circle", "auto": "triangle-up", "chosen": "star"}
+_CALLED = {"": "tried", "preset": "as the scene has it", "auto": "auto", "chosen": "chosen"}
+_FLOOR_SHARE = 0.08  # of the height: how far below everything else failures lie
+_ROOM, _LEAST_ROOM = 0.08, 0.02
+
+
+def script() -> str:
+    """Return what all charts of a page need once."""
+    return f"<script>{get_plotlyjs()}</script>"
+
+
+def panel_html(panel: Panel) -> str:
+    """Return a panel as a piece of HTML; the page needs `script` before it."""
+    figure = go.Figure(layout=_layout(panel))
+    best = panel.on_front
+    figure.add_scatter(
+        x=[dot.seconds for dot in best], y=[dot.accuracy for dot in best], mode="lines", line_shape="hv",
+        line_color=FRONT, name="front", hoverinfo="skip",
+    )  # fmt: skip
+    repeats = [one for dot in panel.done if len(dot.repeats) > 1 for one in dot.repeats]
+    if repeats:
+        figure.add_scatter(
+            x=[x for x, _ in repeats], y=[y for _, y in repeats], mode="markers", name="each seed", hoverinfo="skip",
+            marker={"size": 5, "color": FRONT},
+        )  # fmt: skip
+    for mark in _CALLED:
+        _dots(figure, mark, [dot for dot in panel.done if dot.mark == mark and not dot.off], off=False)
+    _dots(figure, "", [dot for dot in panel.done if dot.off], off=True)
+    _failures(figure, panel)
+    return figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
+
+
+def _layout(panel: Panel) -> go.Layout:
+    return go.Layout(
+        title={"text": panel.title, "font": {"size": 15}},
+        template="plotly_white",
+        height=380 if panel.labelled else 560,
+        margin={"l": 60, "r": 20, "t": 50, "b": 50},
+        xaxis={
+            "title": "processor seconds",
+            "type": "log",
+            "tickvals": ticks(panel.span_s),
+            "range": _range(panel.span_s, log=True),
+        },
+        yaxis={
+            "title": {"text": panel.axis_name, "font": {"size": 11}},
+            "type": "log" if panel.log_y else "linear",
+            **({"tickvals": ticks([dot.accuracy or 0.0 for dot in panel.done])} if panel.log_y else {}),
+            "range": _range(_heights(panel), panel.log_y)[:: -1 if panel.lower_is_better else 1],
+        },
+        legend={"orientation": "h", "y": -0.2},
+    )
+
+
+def _heights(panel: Panel) -> list[float]:
+    """Return what the axis of accuracy has to hold: dots, repeats, intervals, and the line of failures below."""
+    dots = [value for dot in panel.done for value in (dot.accuracy or 0.0, *(y for _, y in dot.repeats))]
+    return [*dots, *(end for dot in panel.done for end in dot.interval or ()), _floor(panel)]
+
+
+def _range(values: Sequence[float], log: bool) -> list[float]:
+    """Return the ends of an axis with some room; plotly takes those of a log axis as exponents."""
+    shown = np.log10(values) if log else np.asarray(values)
+    room = max(_ROOM * float(np.ptp(shown)), _LEAST_ROOM)
+    return [float(shown.min()) - room, float(shown.max()) + room]
+
+
+def _floor(panel: Panel) -> float:
+    """Return where failures lie: below everything else."""
+    known = [dot.accuracy or 0.0 for dot in panel.done] or [1.0]
+    if panel.log_y:
+        return max(known) * (max(known) / min(known)) ** _FLOOR_SHARE
+    room = _FLOOR_SHARE * (max(known) - min(known))
+    return max(known) + room if panel.lower_is_better else min(known) - room
+
+
+def _dots(figure: go.Figure, mark: str, dots: Sequence[Dot], off: bool) -> None:
+    if not dots:
+        return
+    figure.add_scatter(
+        x=[dot.seconds for dot in dots],
+        y=[dot.accuracy for dot in dots],
+        mode="markers",
+        name="another test" if off else _CALLED[mark],
+        text=[dot.hover or dot.label for dot in dots],
+        hovertemplate="%{text}<extra></extra>",
+        marker={
+            "size": 16 if mark == "chosen" else 10,
+            "color": COLOURS[dots[0].mark],
+            "symbol": _SHAPES[mark] + ("-open" if off else ""),
+        },
+        error_y={
+            "type": "data",
+            "symmetric": False,
+            "array": [dot.interval[1] - (dot.accuracy or 0.0) if dot.interval else 0.0 for dot in dots],
+            "arrayminus": [(dot.accuracy or 0.0) - dot.interval[0] if dot.interval else 0.0 for dot in dots],
+            "thickness": 0.6,
+            "width": 0,
+        },
+    )
+
+
+def _failures(figure: go.Figure, panel: Panel) -> None:
+    """Put what failed on a line below everything else."""
+    failed = [dot for dot in panel.dots if dot.accuracy is None]
+    if not failed:
+        return
+    figure.add_scatter(
+        x=[max(dot.seconds, panel.fastest_s) for dot in failed],
+        y=[_floor(panel)] * len(failed),
+        mode="markers",
+        name="failed",
+        text=[dot.hover or dot.label for dot in failed],
+        hovertemplate="%{text}<extra></extra>",
+        marker={"size": 10, "color": FLOOR, "symbol": "x-thin", "line": {"width": 2, "color": FLOOR}},
+    )

@@ -1,0 +1,44 @@
+"""The report's few lines of script. Without them nothing is lost but comfort.
+
+A click on a picture shows it as large as the window, another one at its own size. A click on a camera of the map shows a
+group that it is in, the next click its next group, and after the last one all cameras again.
+"""
+
+SCRIPT = """
+const dialog = document.querySelector('dialog');
+const shut = document.createElement('button');
+shut.textContent = '\u00d7';
+shut.ariaLabel = 'Close';
+shut.onclick = () => dialog.close();
+for (const image of document.querySelectorAll('figure img')) {
+  image.tabIndex = 0;
+  image.setAttribute('role', 'button');
+  const enlarge = () => {
+    const copy = image.cloneNode();
+    copy.onclick = () => copy.classList.toggle('full');
+    dialog.replaceChildren(copy, shut);
+    dialog.showModal();
+  };
+  image.onclick = enlarge;
+  image.onkeydown = (event) => { if (event.key === 'Enter') enlarge(); };
+}
+dialog.onclick = (event) => { if (event.target === dialog) dialog.close(); };
+
+for (const map of document.querySelectorAll('.drawing')) {
+  const groups = JSON.parse(map.dataset.groups);
+  const cameras = [...map.querySelectorAll('.cam')];
+  let chosen = -1, next = 0;
+  for (const camera of cameras) camera.onclick = () => {
+    const view = Number(camera.dataset.view);
+    next = view === chosen ? next + 1 : 0;
+    chosen = view;
+    const group = groups.filter((members) => members.includes(view)).sort((a) => (a[0] === view ? -1 : 0))[next];
+    map.classList.toggle('picking', Boolean(group));
+    for (const other of cameras) {
+      other.classList.toggle('picked', Boolean(group) && group.includes(Number(other.dataset.view)));
+      other.classList.toggle('chosen', Boolean(group) && group[0] === Number(other.dataset.view));
+    }
+    if (!group) chosen = -1;
+  };
+}
+"""

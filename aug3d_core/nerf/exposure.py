@@ -1,0 +1,48 @@
+"""One brightness and contrast for every group, so that a model is not lost where photographs are brighter than in training.
+
+A kite or drone whose camera exposes by itself photographs its test block up to several times as bright as what training
+saw. What the network learns is then right up to that factor, if it never sees the factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+_MIDDLE, _SPREAD = 0.5, 0.25  # what every group's mean and standard deviation become
+_LEAST_SPREAD = 0.02  # of images in [0, 1]: noise is not blown up to a picture
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """Mean and standard deviation of all colours of a group's input views, images in [0, 1]."""
+
+    mean: Float[Tensor, " g"]
+    spread: Float[Tensor, " g"]
+
+    @classmethod
+    def of(cls, rgb: Float[Tensor, "g v h w 3"], alpha: Float[Tensor, "g v h w 1"]) -> Exposure:
+        """Measure groups, over the pixels that show something."""
+        over = (1, 2, 3, 4)
+        count = 3 * alpha.sum(dim=over).clamp(min=1)
+        mean = (rgb * alpha).sum(dim=over) / count
+        off = rgb - mean[:, None, None, None, None]
+        spread = torch.sqrt((off**2 * alpha).sum(dim=over) / count)
+        return cls(mean, spread.clamp(min=_LEAST_SPREAD))
+
+    def even(self, rgb: Float[Tensor, "g *n 3"]) -> Float[Tensor, "g *n 3"]:
+        """Return colours as the network sees them."""
+        mean, spread = self._like(rgb)
+        return (rgb - mean) / spread * _SPREAD + _MIDDLE
+
+    def restore(self, shown: Float[Tensor, "g *n 3"]) -> Float[Tensor, "g *n 3"]:
+        """Return the colours that `even` shows as these, in [0, 1]."""
+        mean, spread = self._like(shown)
+        return ((shown - _MIDDLE) / _SPREAD * spread + mean).clamp(0, 1)
+
+    def _like(self, values: Tensor) -> tuple[Tensor, Tensor]:
+        shape = (-1, *[1] * (values.dim() - 1))
+        return self.mean.view(shape), self.spread.view(shape)

@@ -1,0 +1,107 @@
+"""YAML as values, with the line of everything in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import yaml
+
+Place = tuple[str, ...]  # of a value: the keys that lead to it
+_HINTS = {
+    "'\\t'": "indent with spaces, not with tabs",
+    "alias": 'a value that begins with * needs quotes, as in cron: "*/30 * * * *"',
+    "mapping values": "a text with a colon in it needs quotes, and each field a line of its own",
+    "quoted scalar": "a quotation mark is missing",
+}
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values alone, and a date is a text like others: there is no field for dates."""
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+
+class Mistake(Exception):
+    """What cannot be read, and in which line (from 1)."""
+
+    def __init__(self, line: int, what: str) -> None:
+        super().__init__(f"line {line}: {what}")
+        self.line = line
+        self.what = what
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a file says, and in which line (from 1) each key and list item stands."""
+
+    values: dict[Any, Any]
+    lines: dict[Place, int]
+
+
+def parsed(text: str) -> Document:
+    """Read a YAML mapping; raises Mistake. Two equal keys and references are mistakes too."""
+    root = composed(text)
+    lines: dict[Place, int] = {}
+    for place, line in _places(root, ()):
+        if place in lines:
+            raise Mistake(line, f"there is {'.'.join(place)} twice: it is in line {lines[place]} already")
+        lines[place] = line
+    try:
+        return Document(_Loader("").construct_document(root), lines)
+    except yaml.MarkedYAMLError as error:
+        raise _mistake(error) from error
+    except ValueError as error:  # `!!int many`: nobody writes this, and it carries no line
+        raise Mistake(1, f"a value is not what its tag says: {error}") from error
+
+
+def composed(text: str) -> yaml.MappingNode:
+    """Return the nodes of a YAML mapping, with their marks; raises Mistake."""
+    try:
+        root = yaml.compose(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        raise _mistake(error) from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise Mistake(line, f"the character {chr(error.character)!r} cannot stand here") from error
+    except RecursionError as error:
+        raise Mistake(1, "it is nested too deeply") from error
+    if not isinstance(root, yaml.MappingNode):
+        raise Mistake(1, "it holds no fields: write `name: value` in each line")
+    return root
+
+
+def _places(node: yaml.Node, place: Place) -> Iterator[tuple[Place, int]]:
+    """Yield the place and line of everything below a node, in order."""
+    seen: set[int] = set()
+    below = [(place, node)]
+    while below:
+        place, node = below.pop()
+        if id(node) in seen:
+            raise Mistake(_line(node.start_mark), "a reference (& and *) cannot be followed here: write the value out")
+        seen.add(id(node))
+        parts: list[tuple[str, yaml.Node, yaml.Node]] = []
+        if isinstance(node, yaml.MappingNode):
+            parts = [(str(key.value), key, value) for key, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            parts = [(str(i), item, item) for i, item in enumerate(node.value)]
+        for name, key, value in parts:
+            yield (*place, name), _line(key.start_mark)
+            below.append(((*place, name), value))
+
+
+def _mistake(error: yaml.MarkedYAMLError) -> Mistake:
+    said = f"{error.context or ''} {error.problem or ''}"
+    hint = next((f" ({hint})" for sign, hint in _HINTS.items() if sign in said), "")
+    mark = error.problem_mark or error.context_mark
+    begun = error.context_mark
+    since = f", {error.context}" + (f" begun in line {_line(begun)}" if begun else "") if error.context else ""
+    return Mistake(_line(mark) if mark else 1, f"{error.problem}{since}{hint}")
+
+
+def _line(mark: yaml.Mark) -> int:
+    return mark.line + 1

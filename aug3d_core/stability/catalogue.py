@@ -1,0 +1,54 @@
+"""Every perturbation of the study, in the order of the factory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from aug3d_core.errors import UsageError
+from aug3d_core.stability.cell import Cell
+from aug3d_core.stability.perturbation import Perturbation
+from aug3d_core.stability.perturbations import (
+    boxes,
+    edge_cases,
+    ground,
+    groups,
+    learning,
+    photographs,
+    positions,
+    surface,
+    virtual_views,
+)
+
+PERTURBATIONS: tuple[Perturbation, ...] = (
+    *photographs.PERTURBATIONS,
+    *positions.PERTURBATIONS,
+    *ground.PERTURBATIONS,
+    *edge_cases.PERTURBATIONS,
+    *groups.PERTURBATIONS,
+    *surface.PERTURBATIONS,
+    *boxes.PERTURBATIONS,
+    *virtual_views.PERTURBATIONS,
+    *learning.PERTURBATIONS,
+)
+
+
+def chosen(only: Sequence[str], quick: bool) -> list[Perturbation]:
+    """Return the perturbations whose name holds one of some words, or those of a size; raises UsageError if none does."""
+    if not only:
+        return [perturbation for perturbation in PERTURBATIONS if perturbation.quick or not quick]
+    found = [p for p in PERTURBATIONS if any(word.lower() in p.name for word in only)]
+    if not found:
+        names = ", ".join(p.name for p in PERTURBATIONS)
+        raise UsageError(f"there is no perturbation {' or '.join(map(repr, only))}", f"choose from: {names}")
+    return found
+
+
+def cells_of(perturbations: Sequence[Perturbation], seeds: int, quick: bool) -> list[Cell]:
+    """Return every cell, seed after seed, so that an early look sees them all; quick: the first dose and the last."""
+    return [
+        Cell(perturbation, dose, method, seed)
+        for seed in range(seeds)
+        for perturbation in perturbations
+        for method in perturbation.methods
+        for dose in (perturbation.doses[:: len(perturbation.doses) - 1] if quick else perturbation.doses)
+    ]

@@ -1,0 +1,29 @@
+"""The folder of the study: data for programs, a map and a page for people."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+from aug3d_core.charts.story import Part, tell
+from aug3d_core.stability.findings import Findings, as_json, cell_table
+from aug3d_core.stability.map import draw
+from aug3d_core.stability.page import chapters, write_page
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store, write_synced
+
+NAME = "stability"
+
+
+def write_study(store: Store, found: Findings) -> Path:
+    """Write everything into a new folder, named by the time in UTC; return it."""
+    folder = store.root / layout.STUDIES / NAME / f"{found.size}-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
+    folder.mkdir(parents=True)
+    write_synced(folder / layout.STUDY_FINDINGS, json.dumps(as_json(found), indent=1).encode())
+    cell_table(found).to_parquet(folder / layout.STUDY_SCORES, index=False)
+    draw(found, folder / layout.STUDY_CHART)
+    write_page(store, found, folder / layout.STUDY_CHART, folder / layout.STUDY_PAGE)
+    told = chapters(found, folder / layout.STUDY_CHART)
+    tell(store, folder, Part(about=f"stability, {found.size} size", chapters=told))
+    return folder

@@ -1,0 +1,72 @@
+"""The version of a scene that others use: it stays until a newer one is complete and no worse."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aug3d_core.errors import StoreError
+from aug3d_core.scene_name import check_scene_name
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store, write_synced
+
+RULES = ("test_photos", "conventions")  # what two scores must have in common to be compared
+
+
+def published(store: Store, scene: str) -> Path | None:
+    """Return the folder of the published version; None if there is none. Raises StoreError if it is named and gone."""
+    pointer = _pointer(store, scene)
+    try:
+        name = json.loads(pointer.read_bytes())["version"]
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError) as error:
+        raise StoreError(
+            f"{pointer} does not name a version", "delete it: the next good version is then published"
+        ) from error
+    version = pointer.parent / Path(str(name)).name
+    if not (version / layout.METRICS).is_file():
+        raise StoreError(
+            f"the published version {name} of scene {scene!r} is gone",
+            f"delete {pointer}: the next good version is then published",
+        )
+    return version
+
+
+def publish(store: Store, scene: str, version: Path) -> None:
+    """Name a complete version as the one to use; the one before stays on the disk until `aug3d gc`."""
+    write_synced(_pointer(store, scene), json.dumps({"version": version.name}).encode())
+
+
+def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most_psnr_drop_db: float) -> str | None:
+    """Return why a version must not replace the published one, or None if it may.
+
+    Both are what their `metrics.json` holds. A version that failed, or that tested no model, is never published. Scores on
+    other test photographs say nothing about each other: then a degraded version does not replace one that is ok.
+    """
+    if "failure" in metrics:
+        return f"it failed: {metrics['failure']['problem']}"
+    now = metrics.get("nvs")
+    if now is None:
+        return "it has no tested model"
+    then = (before or {}).get("nvs")
+    if before is None or then is None:
+        return None
+    if any(now.get(rule) != then.get(rule) for rule in RULES):
+        worse = (metrics["state"], before["state"]) == ("degraded", "ok")
+        return (
+            "it is degraded, the published version is ok, and their scores are of other photographs" if worse else None
+        )
+    drop_db = then["test_psnr_mean"] - now["test_psnr_mean"]
+    if drop_db > most_psnr_drop_db:
+        return (
+            f"PSNR fell by {drop_db:.2f} dB, from {then['test_psnr_mean']:.2f} to {now['test_psnr_mean']:.2f} dB;"
+            f" at most {most_psnr_drop_db:g} dB may be lost"
+        )
+    return None
+
+
+def _pointer(store: Store, scene: str) -> Path:
+    return store.root / layout.SCENES / check_scene_name(scene) / layout.PUBLISHED

@@ -1,0 +1,55 @@
+"""The points of a study as charts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from aug3d_core.charts.front import Dot, Mark, Panel
+from aug3d_core.charts.html import duration, number
+from aug3d_core.tradeoff.arm import FACTORY
+from aug3d_core.tradeoff.findings import panels
+from aug3d_core.tradeoff.point import Point
+from aug3d_core.tradeoff.study import Studied
+
+
+def charts(found: Studied) -> list[Panel]:
+    """Return a panel for the whole factory, and one for each setting."""
+    return [_panel(points, found.chosen) for points in panels(found)]
+
+
+def _panel(points: Sequence[Point], chosen: Point | None) -> Panel:
+    judge = points[0].arm.judge
+    dots = tuple(_dot(point, chosen) for point in points)
+    return Panel(points[0].arm.panel, judge.name, judge.lower_is_better, dots, labelled=points[0].arm.panel != FACTORY)
+
+
+def _dot(point: Point, chosen: Point | None) -> Dot:
+    mark: Mark = "chosen" if chosen is not None and point.arm == chosen.arm else point.arm.mark
+    return Dot(
+        label=point.arm.label if point.arm.panel == FACTORY else f"{point.arm.label}  ({_peak(point):,.0f} MiB)",
+        seconds=point.cpu_seconds,
+        accuracy=point.accuracy,
+        repeats=tuple((result.cpu_seconds, result.accuracy or 0.0) for result in point.scored),
+        interval=point.results[0].interval if mark else None,  # of every dot they would hide the dots
+        mark=mark,
+        off=not point.comparable,
+        hover=_hover(point),
+    )
+
+
+def _peak(point: Point) -> float:
+    return max(result.peak_mib for result in point.results)
+
+
+def _hover(point: Point) -> str:
+    wall = max(result.seconds for result in point.results)
+    failures = dict.fromkeys(result.trial.failure for result in point.results if result.trial.failure)
+    lines = [
+        f"<b>{escape(point.arm.label)}</b>",
+        f"{escape(point.arm.judge.name)} {number(point.accuracy)}, seeds: {len(point.results)}",
+        f"{duration(point.cpu_seconds)} of the processors, {duration(wall)} by the clock at most",
+        f"{_peak(point):,.0f} MiB, {max(r.size_bytes for r in point.results) / 2**20:,.1f} MiB on the disk",
+        *map(escape, failures),
+    ]
+    return "<br>".join(lines + ([] if point.comparable else ["judged on other photographs than the others"]))

@@ -1,0 +1,163 @@
+"""All that a study found, as data: what the page and programs read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from aug3d_core.tradeoff.arm import Result
+from aug3d_core.tradeoff.point import Point, below, cheapest, on_front, points
+from aug3d_core.tradeoff.study import Studied
+
+REFUSED = "refused"  # the cause of a failure that is an answer: these settings cannot be used on this scene
+
+
+def as_json(found: Studied, machine: str) -> dict[str, Any]:
+    """Return the findings of a scene for programs; ratios and regrets are None where there is nothing to compare."""
+    failed = [result for result in found.results if result.trial.failure]
+    return {
+        "name": "tradeoff",
+        "scene": found.scene.name,
+        "preset": found.scene.own.preset,
+        "settings": list(found.scene.own.overrides),
+        "machine": machine,
+        "cache": cache(found.results),
+        "quick": found.quick,
+        "seeds": found.seeds,
+        "test_photos": found.test_photos,
+        "runs": len(found.results),
+        "failed_runs": len(failed),
+        "crashes": crashes(found),
+        "target_db": found.target_db,
+        "best": _point(found.best),
+        "chosen": _point(found.chosen),
+        "auto": _point(found.auto),
+        "decisions": decisions(found),
+        **against_best(found),
+        "search": _search(found),
+        **search_against_grid(found),
+        "points": [_point(point) for point in found.points],
+        "cells": [_cell(result) for result in found.results],
+    }
+
+
+def against_best(found: Studied) -> dict[str, float | None]:
+    """Return how far `auto` is below the best configuration tried (dB), and its processor time over that one's."""
+    best, auto = found.best, found.auto
+    regret = None if best is None or auto is None else below(auto, best)
+    if best is None or auto is None or regret is None or not best.cpu_seconds:
+        return {"auto_regret_db": None, "auto_time_ratio": None}
+    return {"auto_regret_db": regret, "auto_time_ratio": auto.cpu_seconds / best.cpu_seconds}
+
+
+def search_against_grid(found: Studied) -> dict[str, float | None]:
+    """Return what the search cost over the cheapest configuration that reaches the target, and how far below it it ended (dB).
+
+    Both are of one seed. Without the full grid the search is held against what it found itself.
+    """
+    if found.search is None or found.search.found is None:
+        return {"search_cost_ratio": None, "search_regret_db": None}
+    ended = found.search.found
+    grid = points(
+        [result for result in found.results if result.seed == 0 and result.arm in {p.arm for p in found.factory}]
+    )
+    choice = None if found.searched_only else cheapest(grid, found.search.target_db)
+    if choice is None or choice.accuracy is None:
+        cost = ended.tried.cost_s
+        return {"search_cost_ratio": found.search.spent_s / cost if cost else None, "search_regret_db": None}
+    return {
+        "search_cost_ratio": found.search.spent_s / choice.cpu_seconds if choice.cpu_seconds else None,
+        "search_regret_db": max(0.0, choice.accuracy - ended.psnr_db),
+    }
+
+
+def crashes(found: Studied) -> int:
+    """Return the number of runs that ended in a way that no settings should bring about."""
+    return sum(bool(r.trial.failure) and r.trial.cause != REFUSED for r in found.results)
+
+
+def cache(results: Sequence[Result]) -> dict[str, int]:
+    """Return how many outputs the runs read, and how many of these were there before: their times are of back then."""
+    return {"outputs": sum(len(r.trial.records) for r in results), "found_made": sum(r.found for r in results)}
+
+
+def decisions(found: Studied) -> list[dict[str, Any]]:
+    """Return what `auto` decided, and why."""
+    return [one.model_dump() for one in found.auto.results[0].trial.decisions] if found.auto else []
+
+
+def table(found: Studied) -> pd.DataFrame:
+    """Return one row per run."""
+    on_fronts = {p.arm for panel in panels(found) for p in on_front(panel)}
+    comparable = {point.arm: point.comparable for point in found.points}
+    return pd.DataFrame([
+        {
+            "scene": found.scene.name, "panel": r.arm.panel, "label": r.arm.label, "settings": " ".join(r.arm.settings),
+            "mark": r.arm.mark, "seed": r.seed, "seconds": r.seconds, "cpu_seconds": r.cpu_seconds,
+            "peak_mib": r.peak_mib, "size_bytes": r.size_bytes, "accuracy": r.accuracy,
+            "accuracy_name": r.arm.judge.name, "low": (r.interval or (None, None))[0],
+            "high": (r.interval or (None, None))[1], "comparable": comparable[r.arm], "on_front": r.arm in on_fronts,
+            "chosen": found.chosen is not None and r.arm == found.chosen.arm, "found_objects": r.found,
+            "failure": r.trial.failure, "cause": r.trial.cause,
+            **{f"cpu_seconds_{stage}": cost for stage, cost in r.costs.items()},
+        }
+        for r in found.results
+    ])  # fmt: skip
+
+
+def panels(found: Studied) -> list[list[Point]]:
+    """Return the points panel by panel, the whole factory first."""
+    by_panel: dict[str, list[Point]] = {p.arm.panel: [] for p in [*found.factory, *found.points]}
+    for point in found.points:
+        by_panel[point.arm.panel].append(point)
+    return list(by_panel.values())
+
+
+def _point(point: Point | None) -> dict[str, Any] | None:
+    if point is None:
+        return None
+    return {
+        "panel": point.arm.panel,
+        "label": point.arm.label,
+        "settings": list(point.arm.settings),
+        "mark": point.arm.mark,
+        "seeds": len(point.results),
+        "cpu_seconds": point.cpu_seconds,
+        "accuracy": point.accuracy,
+        "accuracy_name": point.arm.judge.name,
+        "comparable": point.comparable,
+    }
+
+
+def _search(found: Studied) -> dict[str, Any] | None:
+    if found.search is None:
+        return None
+    ended = found.search.found
+    return {
+        "target_db": found.search.target_db,
+        "reached": found.search.reached is not None,
+        "spent_s": found.search.spent_s,
+        "found": ended and {"settings": list(ended.settings), "steps": ended.steps, "psnr_db": ended.tried.psnr_db,
+                            "cpu_seconds": ended.tried.cost_s},
+        "trials": [
+            {"settings": list(t.settings), "steps": t.steps, "psnr_db": t.tried.psnr_db, "cpu_seconds": t.tried.cost_s}
+            for t in found.search.trials
+        ],
+    }  # fmt: skip
+
+
+def _cell(result: Result) -> dict[str, Any]:
+    return {
+        "panel": result.arm.panel,
+        "label": result.arm.label,
+        "seed": result.seed,
+        "accuracy": result.accuracy,
+        "cpu_seconds": result.cpu_seconds,
+        "seconds": result.seconds,
+        "failure": result.trial.failure,
+        "cause": result.trial.cause,
+        "notes": list(result.notes),
+        "objects": {stage: record.key for stage, record in result.trial.records.items()},
+    }

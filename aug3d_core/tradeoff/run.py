@@ -1,0 +1,65 @@
+"""Make arms. What a killed study made is in the store, so the same call goes on where it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+import pandas as pd
+
+from aug3d_core.bench.trial import Say, Trial, run_trial
+from aug3d_core.errors import StoreError
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store
+from aug3d_core.tradeoff.arm import Arm, Result
+from aug3d_core.tradeoff.scene import StudiedScene
+
+Objects = frozenset[tuple[str, str]]  # stage and key
+Done = Callable[[Result, int, int], None]  # a result, how many are done, of how many
+_ENDS_ALL = ("disk",)  # causes that every further arm would fail of too
+
+
+def objects_there(store: Store) -> Objects:
+    """Return what the store holds."""
+    return frozenset(
+        (record.parent.parent.name, record.parent.name)
+        for record in (store.root / layout.OBJECTS).glob(f"*/[!.]*/{layout.RECORD}")
+    )
+
+
+def make_arm(store: Store, scene: StudiedScene, arm: Arm, seed: int, there: Objects, say: Say) -> Result:
+    """Make an arm, or find it made; a stage that fails ends the arm, not the study, unless the disk is full."""
+    own = scene.decided() if arm.mark == "auto" else scene.own
+    seeds = (f"{field}={seed}" for field in arm.seeded if seed)  # repeat 0 is the scene's own seed
+    trial = run_trial(store, arm.judge.stage, own, (*arm.settings, *seeds), say, scene.photos, afresh=True)
+    if trial.cause in _ENDS_ALL:
+        raise StoreError(trial.failure, "free some space, then run the same command again: it goes on where it was")
+    found = sum((stage, record.key) in there for stage, record in trial.records.items())
+    return Result(arm, seed, trial, found, _held_out(store, trial))
+
+
+def _held_out(store: Store, trial: Trial) -> dict[str, float]:
+    """Return the PSNR (dB) of each test photograph, by the name of its file."""
+    if "evaluation" not in trial.records:
+        return {}
+    photos = pd.read_parquet(
+        store.files_dir(trial.records["photos"]) / layout.PHOTO_TABLE, columns=["photo_id", "name"]
+    )
+    views = pd.read_parquet(
+        store.files_dir(trial.records["evaluation"]) / layout.TEST_VIEWS, columns=["photo_id", "psnr"]
+    )
+    told = views.merge(photos, on="photo_id")
+    return dict(zip(told["name"].astype(str), told["psnr"].astype(float), strict=True))
+
+
+def make_all(
+    store: Store, scene: StudiedScene, cells: Iterable[tuple[Arm, int]], there: Objects, say: Say, done: Done
+) -> list[Result]:
+    """Make arms with their seeds in an order drawn by lot, so that a slow hour of the machine favours none."""
+    drawn: Sequence[tuple[Arm, int]] = list(cells)
+    results: dict[int, Result] = {}
+    for index in np.random.default_rng(0).permutation(len(drawn)):
+        arm, seed = drawn[index]
+        results[int(index)] = make_arm(store, scene, arm, seed, there, say)
+        done(results[int(index)], len(results), len(drawn))
+    return [results[index] for index in sorted(results)]

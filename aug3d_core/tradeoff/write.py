@@ -1,0 +1,43 @@
+"""The folder of a study: data for programs, a chart and a page for people."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from textwrap import fill
+
+from aug3d_core.charts.front import draw
+from aug3d_core.charts.story import Part, tell
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store, write_synced
+from aug3d_core.tradeoff.chart import charts
+from aug3d_core.tradeoff.findings import as_json, cache, table
+from aug3d_core.tradeoff.page import chapters, write_page
+from aug3d_core.tradeoff.study import Studied
+
+_WIDE = 190  # letters that the chart has room for
+
+
+def write_study(store: Store, found: Studied, machine: str) -> Path:
+    """Write everything into a new folder, named by the time in UTC; return it."""
+    folder = store.root / layout.STUDIES / found.scene.name / f"tradeoff-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
+    folder.mkdir(parents=True)
+    write_synced(folder / layout.STUDY_FINDINGS, json.dumps(as_json(found, machine), indent=1).encode())
+    table(found).to_parquet(folder / layout.STUDY_SCORES, index=False)
+    draw(charts(found), _title(found, machine), folder / layout.STUDY_CHART)
+    write_page(found, machine, folder / layout.STUDY_PAGE)
+    size = "quick size" if found.quick else f"{found.seeds} seeds"
+    tell(store, folder, Part(about=f"{found.scene.name}: time against accuracy, {size}", chapters=chapters(found)))
+    return folder
+
+
+def _title(found: Studied, machine: str) -> str:
+    state = cache(found.results)
+    settings = fill(" ".join(found.scene.own.overrides), _WIDE)
+    seeds = "one seed" if found.seeds == 1 else f"medians of up to {found.seeds} seeds"
+    return (
+        f"{found.scene.name}, preset {found.scene.own.preset}; {seeds}; "
+        f"{state['found_made']} of {state['outputs']} outputs found made\n{settings}\n{machine}\n"
+        "orange: as the scene has it, triangle: auto, star: the cheapest that is enough, hollow: another test"
+    )

@@ -1,0 +1,95 @@
+"""What can be started in the Prefect UI: each scene of the registry, all of them, and each study."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from typing import Any
+
+from prefect import Flow
+from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy, State
+from prefect.deployments.runner import RunnerDeployment
+from prefect.schedules import Cron, Interval, Schedule
+from prefect.types.entrypoint import EntrypointType
+from prefect.utilities.annotations import freeze
+
+from aug3d_core.registry.entry import SceneEntry
+from flows.regenerate import batch, regenerate
+from flows.stability_run import stability
+from flows.study_run import study_scene, tradeoff
+
+OURS, SCENE = "aug3d", "scene"  # tags: of everything here, and of a scene of the registry
+_ONE_AT_A_TIME = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
+_STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # flow, name, what it is given, description
+    (
+        study_scene,
+        "grouping",
+        {"study": freeze("grouping")},
+        "Ways of grouping x K; then 3, 6 and 9 input views: the paper's first table.",
+    ),
+    (
+        study_scene,
+        "augmentation",
+        {"study": freeze("augmentation")},
+        "Photographs, virtual views and both x K, and how many virtual views: the paper's second table.",
+    ),
+    (
+        tradeoff,
+        "tradeoff",
+        {},
+        "Time against accuracy: every setting of every stage, the whole factory, and auto. A night.",
+    ),
+    (
+        stability,
+        "stability",
+        {},
+        "Worse and worse photographs, poses, meshes and settings: where methods break, and who notices. A night.",
+    ),
+)
+
+
+async def of_scene(scene: str, entry: SceneEntry) -> RunnerDeployment:
+    """Return the deployment of a scene, with its settings as the form's values; raises UsageError if they are wrong."""
+    facts = [
+        entry.description,
+        f"Photographs: {entry.photos or 'the built-in town'}",
+        f"Licence: {entry.licence}" if entry.licence else "",
+        entry.schedule.words() if entry.schedule else "No schedule",
+    ]
+    return await regenerate.ato_deployment(
+        name=scene,
+        parameters={"scene": freeze(scene), "settings": entry.config().model_dump(mode="json")},
+        schedules=[_schedule(entry)] if entry.schedule else [],
+        tags=[OURS, SCENE, entry.preset, *entry.tags],
+        description="\n\n".join(fact for fact in facts if fact),
+        concurrency_limit=_ONE_AT_A_TIME,
+        entrypoint_type=EntrypointType.MODULE_PATH,
+    )
+
+
+async def of_everything() -> AsyncIterator[RunnerDeployment]:
+    """Yield the deployments that are there whatever the registry holds."""
+    yield await batch.ato_deployment(
+        name="all scenes",
+        tags=[OURS],
+        description="Makes scenes again, one after the other, each as far as something changed.",
+        concurrency_limit=_ONE_AT_A_TIME,
+        entrypoint_type=EntrypointType.MODULE_PATH,
+    )
+    for study, name, given, description in _STUDIES:
+        yield await study.ato_deployment(
+            name=name,
+            parameters=given,
+            tags=[OURS, "study"],
+            description=description,
+            concurrency_limit=_ONE_AT_A_TIME,
+            entrypoint_type=EntrypointType.MODULE_PATH,
+        )
+
+
+def _schedule(entry: SceneEntry) -> Schedule:
+    schedule = entry.schedule
+    assert schedule is not None
+    interval = schedule.interval()
+    if interval is None:
+        return Cron(schedule.cron or "", timezone=schedule.timezone, active=not schedule.paused)
+    return Interval(interval, anchor_date=schedule.anchor(), timezone="UTC", active=not schedule.paused)

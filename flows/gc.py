@@ -1,0 +1,157 @@
+"""`aug3d gc`: give back the disk that no version of a scene and no study needs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from aug3d_core.errors import UsageError
+from aug3d_core.registry.files import read_each
+from aug3d_core.scene_name import check_scene_name
+from aug3d_core.store.retention import Plan, Waste, drop, plan, plan_for_scene
+from aug3d_core.store.store import Store
+from aug3d_core.store.usage import Usage, besides, usage
+from flows.refusal import typed_errors
+
+HOME = Path("aug3d_data")
+
+Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
+
+
+def gc(
+    scene: Annotated[
+        str | None,
+        typer.Option("--scene", help="Drop everything of this scene instead: versions, studies, what only they need."),
+    ] = None,
+    keep: Annotated[
+        int, typer.Option(min=1, help="Newest versions that each scene keeps, beside the published one.")
+    ] = 3,
+    keep_hours: Annotated[
+        float,
+        typer.Option(min=0.0, help="Keep for so long what no version names: a killed run may go on from it, hours."),
+    ] = 24.0,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would go and what stays, and stop.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Drop a whole scene without asking.")] = False,
+    home: Home = HOME,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+) -> None:
+    """Drop what no version of a scene and no study needs, and show what each scene takes on the disk.
+
+    Each scene keeps its published version, its newest ones and the newest that did not fail. Predictions go: --out kept them.
+    """
+    with typed_errors(as_json):
+        store = Store(home)
+        if scene is not None:
+            check_scene_name(scene)
+        goes = _plan(store, scene, keep, keep_hours)
+        if dry_run:
+            _tell(store, goes, _free(store), as_json, dry_run)
+            return
+        if scene is not None and not yes:
+            _ask(store, scene, goes, as_json)
+        before = _free(store)
+        with store.alone():
+            goes = _plan(store, scene, keep, keep_hours)  # a run may have ended since the first look
+            drop(store, goes.goes)
+        _tell(store, goes, before, as_json, dry_run)
+
+
+def _plan(store: Store, scene: str | None, keep: int, keep_hours: float) -> Plan:
+    return plan(store, keep, keep_hours) if scene is None else plan_for_scene(store, scene)
+
+
+def _ask(store: Store, scene: str, goes: Plan, as_json: bool) -> None:
+    if as_json:
+        raise UsageError(f"--json cannot ask whether all of scene {scene!r} may go", "add --yes")
+    console = Console()
+    console.print(_waste_table(f"all of {scene}", goes.goes))
+    if scene in read_each(store):
+        console.print(f"it stays in the registry, to be made again: aug3d scenes remove {scene}", highlight=False)
+    typer.confirm("Drop all of this? What MLflow holds of it stays.", abort=True)
+
+
+def _tell(store: Store, goes: Plan, free_before: int, as_json: bool, dry_run: bool) -> None:
+    takes, freed = usage(store), _bytes(goes.goes)
+    free_after = free_before + freed if dry_run else _free(store)
+    registered, rest = read_each(store), besides(store)
+    strays = [scene for scene in takes if scene not in registered]
+    if as_json:
+        told = {
+            "dry_run": dry_run,
+            "goes": [{"scene": s or None, "what": w, "count": c, "bytes": b} for s, w, c, b in _summed(goes.goes)],
+            "bytes": freed,
+            "young": {"count": len(goes.young), "bytes": _bytes(goes.young)},
+            "scenes": {scene: vars(used) for scene, used in takes.items()},
+            "besides": rest,
+            "not_registered": strays,
+            "free_bytes": {"before": free_before, "after": free_after},
+        }
+        print(json.dumps(told, indent=1))
+        return
+    console = Console()
+    if goes.goes:
+        console.print(_waste_table("what would go" if dry_run else "gone", goes.goes))
+    else:
+        console.print("nothing would go" if dry_run else "nothing had to go")
+    console.print(usage_table(takes))
+    lines = [
+        f"besides  {', '.join(f'{what} {_mib(size)} MiB' for what, size in rest.items() if size) or 'nothing'}",
+        f"free on the disk  {_mib(free_before)} MiB; {'it would be' if dry_run else 'now'} {_mib(free_after)} MiB",
+    ]
+    if goes.young:
+        lines.append(
+            f"{_mib(_bytes(goes.young))} MiB in {len(goes.young)} folders are no version's, but new: a killed run or study"
+            " may go on from them; --keep-hours 0 drops them"
+        )
+    if strays:
+        lines.append(f"not in the registry: {', '.join(strays)}; aug3d gc --scene NAME drops all of one")
+    for line in lines:
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def usage_table(takes: Mapping[str, Usage]) -> Table:
+    """Return what each scene takes on the disk as a table."""
+    table = Table("scene", title="on the disk")
+    for heading in ("versions", "studies", "its own MiB", "shared MiB"):
+        table.add_column(heading, justify="right")
+    for scene, used in takes.items():
+        figures = (str(used.versions), str(used.studies), _mib(used.own_bytes), _mib(used.shared_bytes))
+        table.add_row(scene, *figures)
+    return table
+
+
+def _waste_table(title: str, goes: Sequence[Waste]) -> Table:
+    table = Table("scene", "what", title=title, show_footer=True)
+    table.columns[0].footer = "together"
+    table.add_column("count", str(len(goes)), justify="right")
+    table.add_column("MiB", _mib(_bytes(goes)), justify="right")
+    for scene, what, count, size_bytes in _summed(goes):
+        table.add_row(scene or "-", what, str(count), _mib(size_bytes))
+    return table
+
+
+def _summed(goes: Sequence[Waste]) -> list[tuple[str, str, int, int]]:
+    """Return scene, what, count and bytes of what goes together."""
+    groups: dict[tuple[str, str], list[Waste]] = {}
+    for waste in goes:
+        groups.setdefault((waste.scene, waste.what), []).append(waste)
+    return [(*group, len(rows), _bytes(rows)) for group, rows in sorted(groups.items())]
+
+
+def _bytes(goes: Sequence[Waste]) -> int:
+    return sum(waste.size_bytes for waste in goes)
+
+
+def _free(store: Store) -> int:
+    return shutil.disk_usage(store.root).free
+
+
+def _mib(size_bytes: int) -> str:
+    return f"{size_bytes / 2**20:,.1f}"

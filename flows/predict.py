@@ -1,0 +1,172 @@
+"""`aug3d predict`: what a scene's model is trained for - a view that no photograph shows."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from aug3d_core.errors import UsageError
+from aug3d_core.folds import stage_of
+from aug3d_core.make import Source, make, source_of
+from aug3d_core.nerf.config import PredictionConfig
+from aug3d_core.stages import PREDICTION, TRAINING
+from aug3d_core.store import layout
+from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import last_version, object_of
+from aug3d_core.store.store import Store
+from flows.refusal import typed_errors
+
+HOME = Path("aug3d_data")
+
+Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
+
+
+def predict(
+    scene: Annotated[str, typer.Argument(help="Name of a scene with a trained model.")],
+    inputs: Annotated[
+        str | None,
+        typer.Option(metavar="PHOTO,...", help="Photographs to predict from, by id or name. Default: the nearest."),
+    ] = None,
+    like: Annotated[
+        str | None, typer.Option(metavar="PHOTO", help="View the scene as this photograph does, without looking at it.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Put the camera here, in the scene's world (z is up).")
+    ] = None,
+    look_at: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Point the camera at this place; goes with --at.")
+    ] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Use the photographs of this nerfstudio transforms.json, not the scene's."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Also write the view here, and its depth and inputs beside.")
+    ] = None,
+    home: Home = HOME,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+) -> None:
+    """Predict a view that no photograph shows, with a scene's trained model.
+
+    Without options: a view amid the photographs that look at the middle of the scene. With --poses: from any undistorted
+    photographs with poses, in the scene's world or with a point cloud. Exit code 3: most of what is in view no input shows.
+    """
+    with typed_errors(as_json):
+        if out is not None and (out.suffix.lower() != ".png" or not out.parent.is_dir()):
+            raise UsageError(f"--out {out} is no PNG file in a folder that exists", "name one like view.png")
+        store = Store(home)
+        with store.using():
+            version = last_version(store, scene)
+            sources = {step: source_of(store, object_of(store, version, step)) for step in PREDICTION.inputs}
+            if poses is not None:
+                sources["given"] = _outside(poses)
+            photos = poses or store.files_dir(object_of(store, version, "photos"))
+            config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
+            with Console(stderr=True).status("predicting ..."):
+                record = make(store, PREDICTION, config, sources, lambda done, total, what: None)
+            files = _handed_over(store.files_dir(record), out)
+            view = json.loads((store.files_dir(record) / layout.PREDICTION_VIEW).read_text())
+            told = _told(scene, record, files, view, fold_notes(version["paths"]["objects"]))
+            print(json.dumps(told, indent=1)) if as_json else _print(told)
+        raise typer.Exit(3 if record.state == "degraded" else 0)
+
+
+def _outside(poses: Path) -> Source:
+    """Return posed photographs from outside as an input of the stage."""
+    from aug3d_core.nerf.outside import photos_digest
+
+    if poses.suffix != ".json" or not poses.is_file():
+        raise UsageError(
+            f"--poses {poses} is no file that ends in .json", "give a transforms.json as nerfstudio writes it"
+        )
+    return Source(path=poses.resolve(), digest=photos_digest(poses))
+
+
+def _config(
+    photos: Path,
+    inputs: str | None,
+    like: str | None,
+    at: tuple[float, float, float] | None,
+    look_at: tuple[float, float, float] | None,
+) -> PredictionConfig:
+    """Check how the options go together, and turn names of photographs into ids."""
+    if (at is None) != (look_at is None):
+        raise UsageError("--at and --look-at go together", "give both, as X,Y,Z in the scene's world")
+    if like is not None and at is not None:
+        raise UsageError("--like and --at both say where the camera stands", "give one of them")
+    ids: tuple[int, ...] = ()
+    shown: int | None = None
+    if inputs is not None or like is not None:
+        from aug3d_core.nerf.outside import photo_names  # with pandas, which other commands do without
+        from aug3d_core.photos.table import photo_ids, read_photos
+
+        table = photo_names(photos) if photos.is_file() else read_photos(photos)
+        ids = photo_ids(table, inputs.split(",")) if inputs is not None else ()
+        shown = photo_ids(table, [like])[0] if like is not None else None
+    if len(set(ids)) < len(ids):
+        raise UsageError(f"--inputs {inputs} names a photograph twice", "name each once")
+    if shown in ids:
+        raise UsageError(
+            f"--like {like} is among --inputs", "the view that is predicted cannot be an input: leave it out"
+        )
+    return PredictionConfig(inputs=ids, like=shown, at=at, look_at=look_at)
+
+
+def _place(option: str, text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError as error:
+        raise UsageError(f"{option} {text!r} is not three numbers", f"write for example {option} 10,-5,40") from error
+    return x, y, z
+
+
+def _handed_over(files: Path, out: Path | None) -> dict[str, str]:
+    """Return where the pictures are: in the store, or where the user wanted a copy."""
+    pictures = {"picture": layout.PREDICTION, "depth": layout.PREDICTION_DEPTH, "panel": layout.PREDICTION_PANEL}
+    if out is None:
+        return {what: str(files / name) for what, name in pictures.items()}
+    there = {"picture": out} | {what: out.with_stem(f"{out.stem}_{what}") for what in ("depth", "panel")}
+    for what, path in there.items():
+        shutil.copyfile(files / pictures[what], path)
+    return {what: str(path) for what, path in there.items()}
+
+
+def fold_notes(steps: Iterable[str]) -> list[str]:
+    """Say which model it is, of a scene that has one for each fold."""
+    folds = sum(stage_of(step) is TRAINING for step in steps)
+    return [f"the scene has {folds} folds, each with its own model: this is the first fold's"] if folds > 1 else []
+
+
+def _told(
+    scene: str, record: Record, files: Mapping[str, str], view: Mapping[str, Any], notes: list[str]
+) -> dict[str, Any]:
+    return {
+        "scene": scene,
+        "state": record.state,
+        **files,
+        **view,
+        "metrics": record.metrics,
+        "notes": [*record.notes, *notes],
+    }
+
+
+def _print(told: Mapping[str, Any]) -> None:
+    photos, figures = ", ".join(map(str, told["inputs"])), told["metrics"]
+    console = Console()
+    lines = {"view": told["picture"], "depth": told["depth"], "with inputs": told["panel"]}
+    lines["from photos"] = f"{photos}; they show {figures['ground_seen_share']:.0%} of the ground in view"
+    lines["depth range"] = f"{figures['depth_near']:.4g} (bright) to {figures['depth_far']:.4g}, world units along z"
+    if "psnr" in figures:
+        lines["against it"] = f"{figures['psnr']:.2f} dB, SSIM {figures['ssim']:.3f}"
+    for name, value in lines.items():
+        console.print(f"{name:>12}  {value}", highlight=False, soft_wrap=True, markup=False)
+    for note in told["notes"]:
+        console.print(f"[yellow]note[/] {note}", highlight=False)

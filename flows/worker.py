@@ -1,0 +1,186 @@
+"""The worker: `python -m flows.worker` registers every scene of the registry with Prefect, and runs what is due.
+
+It looks at the registry again all the time, so that a scene that is added, changed or removed needs no restart. What a former
+worker left half done, killed or with the machine, it starts again: finished steps are in the store.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+from collections.abc import Collection
+from datetime import UTC, datetime, timedelta
+
+import psutil
+from prefect.client.orchestration import PrefectClient, get_client
+from prefect.client.schemas.filters import (
+    DeploymentFilter,
+    DeploymentFilterTags,
+    FlowRunFilter,
+    FlowRunFilterExpectedStartTime,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+)
+from prefect.client.schemas.objects import FlowRun, StateType
+from prefect.runner import Runner
+from prefect.states import AwaitingRetry, Cancelled, Crashed
+from prefect.types import DateTime
+
+from aug3d_core.errors import Aug3dError
+from aug3d_core.parent import SUPERVISED, die_with_parent
+from aug3d_core.registry.entry import SceneEntry
+from aug3d_core.registry.files import read_each
+from aug3d_core.store.store import Store
+from flows.deployments import OURS, SCENE, of_everything, of_scene
+from flows.services import tell_ready
+from flows.settings import home
+from tasks.alive import has_process
+from tasks.outbox import waiting
+from tasks.tracking import flush
+
+RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
+_LOOK_EVERY_S = 5.0
+_ASK_EVERY_S = 2.0
+_TELL_EVERY_S = 30.0
+CANCELLED_WITHIN_S = 30.0
+
+Known = dict[str, SceneEntry | str]  # what the registry says of a scene, or what is wrong with it
+
+
+def main() -> None:
+    """Work until told to end; what runs then goes on with the next worker."""
+    if os.environ.get(SUPERVISED):
+        die_with_parent()
+    asyncio.run(_work(Store(home())))
+
+
+async def _work(store: Store) -> None:
+    runner = Runner(name="aug3d", limit=RUNS_AT_ONCE, query_seconds=_ASK_EVERY_S, pause_on_shutdown=False)
+    async for deployment in of_everything():
+        await runner.aadd_deployment(deployment)
+    known = await register(runner, store, None)
+    async with get_client() as client:
+        await take_over(client, store)
+        await one_of_the_missed(client)
+    tell_ready(store.root)
+    print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
+    watching = asyncio.create_task(_watch(runner, store, known))
+    telling = asyncio.create_task(_tell_mlflow(store))
+    serving = asyncio.create_task(runner.start())
+    await asyncio.sleep(0)  # the runner has set its own handler now
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _end)
+    await asyncio.wait({watching, telling, serving}, return_when=asyncio.FIRST_COMPLETED)
+    for task in (watching, telling, serving):
+        if task.done():
+            task.result()
+
+
+def _end(*_: object) -> None:
+    """Kill what runs: its runs stay where they are, and the next worker takes them over."""
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            child.kill()
+    os._exit(0)
+
+
+async def _watch(runner: Runner, store: Store, known: Known) -> None:
+    async with get_client() as client:
+        while True:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            known = await register(runner, store, known)
+            await end_cancelled(client)
+
+
+async def _tell_mlflow(store: Store) -> None:
+    """Tell MLflow what it could not be told at its time, as soon as it can be reached again."""
+    while True:
+        if waiting(store):
+            await asyncio.to_thread(flush, store)  # what comes of it stands in MLflow, or waits on
+        await asyncio.sleep(_TELL_EVERY_S)
+
+
+async def register(runner: Runner, store: Store, known: Known | None) -> Known:
+    """Bring Prefect's deployments to what the registry says; `known` is what it said before.
+
+    A scene whose file is wrong keeps its deployment as it was: the file is named, and its runs say the same.
+    """
+    now: Known = {
+        scene: str(entry) if isinstance(entry, Aug3dError) else entry for scene, entry in read_each(store).items()
+    }
+    for scene, entry in now.items():
+        if known is not None and entry == known.get(scene):
+            continue
+        try:
+            if isinstance(entry, SceneEntry):
+                await runner.aadd_deployment(await of_scene(scene, entry))
+            else:
+                print(entry, flush=True)
+        except Aug3dError as error:
+            print(error, flush=True)
+    if known is None or known.keys() - now.keys():
+        await _remove_all_but(now)
+    return now
+
+
+async def _remove_all_but(scenes: Collection[str]) -> None:
+    tagged = DeploymentFilter(tags=DeploymentFilterTags(all_=[OURS, SCENE]))
+    async with get_client() as client:
+        for deployment in await client.read_deployments(deployment_filter=tagged, limit=200):
+            if deployment.name not in scenes:
+                await client.delete_deployment(deployment.id)
+
+
+async def take_over(client: PrefectClient, store: Store) -> None:
+    """Put runs that no process works on back in line; end those that were being cancelled, and parts of others."""
+    for run in await _runs(client, StateType.RUNNING, StateType.PENDING, StateType.CANCELLING):
+        if has_process(store.root, str(run.id)):
+            continue
+        if run.state_type == StateType.CANCELLING:
+            state = Cancelled(message="its process has ended")
+        elif run.deployment_id is None:  # a part of another run, or started in a terminal
+            state = Crashed(message="its process has ended; whoever started it can start it again")
+        else:
+            state = AwaitingRetry(message="its process ended before it did; finished steps are not made again")
+        await client.set_flow_run_state(run.id, state, force=True)
+
+
+async def end_cancelled(client: PrefectClient) -> None:
+    """End what the runner should have: it no longer hears of cancelling once Prefect was away for some seconds."""
+    for run in await _runs(client, StateType.CANCELLING):
+        if run.state and run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
+            continue
+        for child in psutil.Process().children():
+            with contextlib.suppress(psutil.Error):
+                if child.environ().get("PREFECT__FLOW_RUN_ID") == str(run.id):
+                    child.kill()  # its stage dies with it
+        await client.set_flow_run_state(run.id, Cancelled(message="cancelled"), force=True)
+
+
+async def one_of_the_missed(client: PrefectClient) -> None:
+    """Of the runs that a deployment missed while nobody worked, keep the last: it makes up for all."""
+    due = [run for run in await _runs(client, StateType.SCHEDULED, due=True) if run.auto_scheduled]
+    last = {run.deployment_id: run for run in sorted(due, key=_start)}
+    for run in due:
+        if run.id != last[run.deployment_id].id:
+            await client.set_flow_run_state(
+                run.id, Cancelled(message="missed while no worker was there; a later one makes up for it"), force=True
+            )
+
+
+def _start(run: FlowRun) -> datetime:
+    return run.expected_start_time or datetime.max.replace(tzinfo=UTC)
+
+
+async def _runs(client: PrefectClient, *states: StateType, due: bool = False) -> list[FlowRun]:
+    chosen = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states))))
+    if due:
+        latest = DateTime.now("UTC") - timedelta(seconds=_LOOK_EVERY_S)
+        chosen.expected_start_time = FlowRunFilterExpectedStartTime(before_=latest)
+    return await client.read_flow_runs(flow_run_filter=chosen, limit=200)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""The Pareto front holds what nothing beats, and the chart shows every point, failed ones too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from aug3d_core.charts.front import Dot, Panel, draw, front, near, ticks
+from aug3d_core.charts.front_html import panel_html, script
+
+numbers = st.floats(0.1, 100, allow_nan=False)
+
+
+@given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=20))
+def test_nothing_beats_the_front_and_the_front_beats_the_rest(points: list[tuple[float, float]]) -> None:
+    seconds, gain = [p[0] for p in points], [p[1] for p in points]
+    chosen = front(seconds, gain)
+    assert [seconds[i] for i in chosen] == sorted(seconds[i] for i in chosen)
+    for i in range(len(points)):
+        beaten = any(
+            seconds[j] <= seconds[i] and gain[j] >= gain[i] and (seconds[j], gain[j]) != (seconds[i], gain[i])
+            for j in range(len(points))
+        )
+        if i in chosen:
+            assert not beaten
+        elif (seconds[i], gain[i]) not in [(seconds[j], gain[j]) for j in chosen]:
+            assert beaten
+
+
+@given(st.lists(st.tuples(numbers, numbers), max_size=20))
+def test_every_point_is_labelled_once(points: list[tuple[float, float]]) -> None:
+    groups = near([p[0] for p in points], [p[1] for p in points])
+    assert sorted(i for group in groups for i in group) == list(range(len(points)))
+
+
+def test_points_in_one_place_share_a_label() -> None:
+    assert sorted(map(sorted, near([1, 1.01, 5], [2, 2.01, 9]))) == [[0, 1], [2]]
+
+
+@given(st.lists(numbers, min_size=1, max_size=8))
+def test_ticks_are_few_and_near_the_values(values: list[float]) -> None:
+    found = ticks(values)
+    assert 1 <= len(found) <= 6
+    assert found == sorted(found)
+    assert min(found) >= min(values) / 10
+    assert max(found) <= max(values) * 10
+
+
+def test_ticks_of_a_narrow_range_are_round_numbers_within_reach_of_it() -> None:
+    assert ticks([54, 112]) == [50, 60, 80, 100, 150]
+    assert ticks([1, 1000]) == [1, 10, 100, 1000]
+
+
+def dot(label: str, seconds: float, accuracy: float | None, **more: Any) -> Dot:
+    return Dot(label, seconds, accuracy, ((seconds, accuracy or 0.0),) * 2, **more)
+
+
+DOTS = (
+    dot("small", 10, 0.2),
+    dot("usual", 20, 0.1, mark="preset", interval=(0.05, 0.15)),
+    dot("picked", 25, 0.09, mark="chosen"),
+    dot("elsewhere", 5, 0.01, off=True),
+    dot("huge <b>", 40, None),
+)
+PANELS = [Panel("all of it", "PSNR (dB)", False, DOTS, labelled=False), Panel("some", "error (%)", True, DOTS)]
+
+
+def test_what_was_judged_elsewhere_or_failed_is_on_no_front() -> None:
+    assert [dot.label for dot in PANELS[0].on_front] == ["small"]
+    assert [dot.label for dot in PANELS[1].on_front] == ["small", "usual", "picked"]
+
+
+def test_the_chart_is_drawn_with_failures_and_several_panels(tmp_path: Path) -> None:
+    draw([*PANELS, *(Panel(name, "error", True, DOTS[:1]) for name in "abc")], "title", tmp_path / "chart.png")
+    with Image.open(tmp_path / "chart.png") as image:
+        assert image.width > 1000 and image.convert("L").getextrema()[0] < 100
+
+
+def test_a_panel_of_failures_alone_is_drawn(tmp_path: Path) -> None:
+    panel = Panel("broken", "error", True, DOTS[-1:])
+    draw([panel], "title", tmp_path / "chart.png")
+    assert "failed" in panel_html(panel)
+
+
+@pytest.mark.parametrize("panel", PANELS, ids=lambda panel: panel.title)
+def test_the_page_says_what_a_pointer_is_told_and_needs_no_network(panel: Panel) -> None:
+    page = panel_html(panel)
+    for said in ("as the scene has it", "chosen", "another test", "failed", panel.axis_name.partition(" (")[0]):
+        assert said in page
+    assert 'src="http' not in page and "cdn" not in page
+    assert script().startswith("<script>") and "Plotly" in script()

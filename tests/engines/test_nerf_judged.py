@@ -1,0 +1,104 @@
+"""What an evaluation leaves beside scores: the rules, the flight; and what it refuses to judge."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from skimage.metrics import structural_similarity
+from toy_scene import toy_scene
+
+from aug3d_core.dataset.writer import write
+from aug3d_core.errors import InputError
+from aug3d_core.nerf import evaluation_stage
+from aug3d_core.nerf.checkpoint import save_model
+from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
+from aug3d_core.nerf.conventions import conventions, digest, held_out_digest
+from aug3d_core.nerf.evaluation import check_test_groups, ssim
+from aug3d_core.nerf.flythrough import around
+from aug3d_core.nerf.model import PixelNeRF
+from aug3d_core.nerf.novel import middle_ground, only, with_views
+from aug3d_core.store import layout
+
+CONFIG = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
+JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 24, 16)
+
+
+@pytest.fixture(scope="module")
+def judged(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("judged")
+    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
+    save_model(PixelNeRF(CONFIG), folder)
+    inputs = {"dataset": folder, "training": folder}
+    return folder, evaluation_stage.run(inputs, JUDGE, folder, lambda done, total, what: None)
+
+
+def test_the_flight_is_a_loop_of_pictures_in_the_report(judged):
+    folder, outcome = judged
+    assert list(outcome.pictures.values()) == [layout.FLYTHROUGH]
+    with Image.open(folder / layout.FLYTHROUGH) as animation:
+        assert getattr(animation, "n_frames", 1) == 5
+        assert animation.info["loop"] == 0
+        assert animation.width > 3 * 24
+
+
+def test_no_frames_mean_no_flight(judged, tmp_path):
+    config = JUDGE.model_copy(update={"flythrough_frames": 0})
+    inputs = {"dataset": judged[0], "training": judged[0]}
+    assert evaluation_stage.run(inputs, config, tmp_path, lambda done, total, what: None).pictures == {}
+    assert not (tmp_path / layout.FLYTHROUGH).exists()
+
+
+def test_a_model_worse_than_one_colour_is_degraded(judged, tmp_path, monkeypatch):
+    inputs, config = {"dataset": judged[0], "training": judged[0]}, JUDGE.model_copy(update={"flythrough_frames": 0})
+    evaluate = evaluation_stage.evaluate
+    for psnr, state in ((3.0, "degraded"), (60.0, "ok")):
+        monkeypatch.setattr(evaluation_stage, "evaluate", lambda *given, db=psnr: evaluate(*given).assign(psnr=db))
+        outcome = evaluation_stage.run(inputs, config, tmp_path, lambda done, total, what: None)
+        assert outcome.state == state
+        assert any("mean colour" in note for note in outcome.notes) == (state == "degraded")
+
+
+def test_the_flight_goes_smoothly_around_the_test_camera_and_looks_where_it_looks(scene):
+    target, *inputs = scene.groups["test"][0]
+    poses = around(scene, int(target), np.array(inputs), 12)
+    eyes, eye = poses[:, :3, 3], scene.world_from_cam[target, :3, 3]
+    steps = np.linalg.norm(eyes - np.roll(eyes, 1, axis=0), axis=1)
+    assert np.allclose(steps, steps[0])
+    assert np.linalg.norm(eyes - eye, axis=1).max() < max(
+        np.linalg.norm(scene.world_from_cam[inputs, :3, 3] - eye, axis=1)
+    )
+    flown, frames = with_views(only(scene, np.array(inputs)), poses, scene.intrinsics[target], np.arange(len(inputs)))
+    spots = np.array([middle_ground(flown, int(frame)) for frame in frames])
+    assert np.allclose(spots, middle_ground(scene, int(target)), atol=1e-6)
+
+
+def test_the_rules_and_the_photographs_stand_with_the_result(scene, judged):
+    folder, outcome = judged
+    assert json.loads((folder / layout.CONVENTIONS).read_text()) == conventions(scene)
+    assert outcome.metrics["conventions"] == digest(conventions(scene))
+    assert outcome.metrics["test_photos"] == held_out_digest(scene)
+
+
+def test_ssim_is_what_the_library_takes_for_usual():
+    a, b = np.random.default_rng(0).integers(0, 256, (2, 20, 30, 3), dtype=np.uint8)
+    assert ssim(a, b) == pytest.approx(structural_similarity(a, b, data_range=255, channel_axis=-1))
+
+
+@pytest.mark.parametrize(
+    ("groups", "words"),
+    [
+        (np.zeros((0, 6), np.int32), "no test group"),
+        (np.array([[30]], np.int32), "one member, its target"),
+        (np.array([[30, 31, 32]], np.int32), "input_views = 3, but a test group has 2 support views"),
+    ],
+)
+def test_a_test_that_cannot_be_held_is_refused(scene, groups, words):
+    with pytest.raises(InputError, match=words):
+        check_test_groups(replace(scene, groups=scene.groups | {"test": groups}), EvaluationConfig())

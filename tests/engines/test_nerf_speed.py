@@ -1,0 +1,93 @@
+"""What `aug3d bench nerf` measures: both networks do the same work, and the race is run on the same photographs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toy_scene import toy_scene
+
+from aug3d_core.bench.nerf import paper, race_figures, speed_figures
+from aug3d_core.dataset.writer import write
+from aug3d_core.nerf import race, speed
+from aug3d_core.nerf.config import TrainingConfig
+from aug3d_core.nerf.rays import view_rays
+from aug3d_core.nerf.speed_job import FAST, PLAIN, SpeedJob
+from aug3d_core.store import layout
+
+LITTLE = paper({"hidden": 16, "coarse_samples": 4, "fine_samples": 2, "depth_samples": 2}).model_copy(
+    update={"rays_per_group": 16}
+)
+SMALL = TrainingConfig(
+    steps=12, hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2, rays_per_group=48
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 24, 16)
+
+
+@pytest.fixture(scope="module")
+def packed(scene, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("dataset") / layout.SCENE_ZARR
+    write(scene, path, shard_views=64)
+    return path
+
+
+def test_a_cropped_view_shows_the_same_along_the_same_rays(scene):
+    part = speed.cropped(scene, 8)
+    whole, some = view_rays(scene, 3, True), view_rays(part, 3, True)
+    shape = (16, 24, 3)
+    assert np.allclose(whole.directions.reshape(shape)[4:12, 8:16].reshape(-1, 3), some.directions)
+    assert np.array_equal(scene.images[3, 4:12, 8:16], part.images[3])
+
+
+def test_views_too_small_to_crop_are_named(scene):
+    with pytest.raises(AssertionError, match="24 x 16 px are smaller than 64 px"):
+        speed.cropped(scene, 64)
+
+
+def test_both_networks_train_and_render_the_same(scene, packed):
+    job = SpeedJob(scene=packed, config=LITTLE, side_px=16, repeats=2)
+    told = speed.measure(speed.cropped(scene, 16), job)
+    assert (told.train_rays, told.render_rays) == (16, 16 * 16)
+    assert told.train_seconds.keys() == told.render_seconds.keys() == {FAST, PLAIN}
+    assert all(len(seconds) == 2 and min(seconds) > 0 for seconds in told.train_seconds.values())
+    assert told.output_difference < 1e-5
+    assert told.gradient_difference < 1e-2
+
+
+def test_one_network_alone_tells_its_memory(scene, packed):
+    told = speed.measure(scene, SpeedJob(scene=packed, config=LITTLE, side_px=16, repeats=1, memory_of=PLAIN))
+    assert told.train_seconds.keys() == {PLAIN}
+    assert told.peak_mib > 50
+
+
+def test_the_benchmark_compares_in_processes_of_its_own(packed, monkeypatch):
+    monkeypatch.setattr("aug3d_core.bench.nerf.paper", lambda changes: LITTLE)
+    monkeypatch.setattr("aug3d_core.bench.nerf.SIDE_PX", 16)
+    figures = speed_figures(packed, "h64", lambda *_: None)
+    assert figures["output_max_abs_diff_h64"].value < 1e-4
+    assert figures["train_speedup_h64"].goal == 3.0
+    assert figures["train_peak_mib_h64"].value > 50
+
+
+def test_the_race_ends_when_the_small_network_is_as_good(scene):
+    plain = race.train_plainly(scene, LITTLE, 0.0)
+    assert len(plain.losses) == 1
+    run, reached = race.catch_up(scene, SMALL, goal=race.test_psnr(plain.model, scene))
+    assert reached >= race.test_psnr(plain.model, scene)  # it starts from a homography
+    assert 1 <= run.step <= SMALL.steps
+
+
+def test_a_race_that_is_not_won_says_so(scene):
+    run, reached = race.catch_up(scene, SMALL, goal=90.0)
+    assert run.step == SMALL.steps
+    assert reached < 90
+
+
+def test_the_race_is_told_as_figures(packed, monkeypatch):
+    monkeypatch.setattr("aug3d_core.bench.nerf.TRAINING_PRESETS", {"paper": LITTLE})
+    figures = race_figures(packed, SMALL, 0.0, lambda *_: None)
+    assert figures["reference_steps"].value == 1
+    assert figures["time_to_reference_psnr_ratio"].value > 0

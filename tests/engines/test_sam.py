@@ -1,0 +1,116 @@
+"""Segment Anything with random weights: the model is small, the way through it is the real one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from aug3d_core.errors import InputError
+from aug3d_core.sampling import sam
+from aug3d_core.sampling.methods import METHODS
+from aug3d_core.sampling.orthographic import Slice
+from tests.engines.little_town import config, site_over, town
+
+# In a process of its own: torch must not share one with the ray caster. The model is sure of everything, and its logits
+# are so large that outlines are stable.
+MAKE_WEIGHTS = """
+import sys, torch
+from transformers import SamConfig, SamModel
+torch.manual_seed(3)
+model = SamModel(SamConfig(
+    vision_config=dict(
+        hidden_size=16, num_hidden_layers=2, num_attention_heads=2, image_size=64, patch_size=8, mlp_dim=32,
+        output_channels=16, global_attn_indexes=[1], window_size=4, num_pos_feats=8,
+    ),
+    prompt_encoder_config=dict(
+        hidden_size=16, image_size=64, patch_size=8, mask_input_channels=4, image_embedding_size=8
+    ),
+    mask_decoder_config=dict(hidden_size=16, mlp_dim=32, num_attention_heads=2, iou_head_hidden_dim=16),
+))
+with torch.no_grad():
+    model.mask_decoder.iou_prediction_head.proj_out.bias.fill_(1.0)
+    for head in model.mask_decoder.output_hypernetworks_mlps:
+        head.proj_out.weight.mul_(1e9)
+model.save_pretrained(sys.argv[1])
+"""
+pytestmark = pytest.mark.slow  # each worker starts torch and transformers
+installed = pytest.mark.skipif(
+    find_spec("transformers") is None, reason="transformers (the extra sam) is not installed"
+)
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("weights")
+    subprocess.run([sys.executable, "-c", MAKE_WEIGHTS, str(folder)], check=True, capture_output=True)
+    return folder
+
+
+def everything_built(rgb: np.ndarray) -> Slice:
+    shape = rgb.shape[:2]
+    return Slice(np.ones(shape), 0.5, np.ones(shape, bool), 4.0)
+
+
+def picture() -> np.ndarray:
+    rgb = np.full((48, 80, 3), 90, np.uint8)
+    rgb[10:30, 20:50] = (200, 120, 90)
+    return rgb
+
+
+@installed
+def test_outlines_come_from_the_model_and_are_the_same_each_time(weights: Path) -> None:
+    rgb = picture()
+    piece = everything_built(rgb)
+    mask = sam.outlines(rgb, piece, str(weights), True)
+    assert mask.shape == rgb.shape[:2] and mask.dtype == bool and mask.any()
+    np.testing.assert_array_equal(mask, sam.outlines(rgb, piece, str(weights), True))
+
+
+@installed
+def test_what_is_not_built_is_left_out(weights: Path) -> None:
+    rgb = picture()
+    piece = replace(everything_built(rgb), built=np.zeros(rgb.shape[:2], bool))
+    assert not sam.outlines(rgb, piece, str(weights), True).any()
+
+
+@installed
+def test_the_method_plans_domes(weights: Path) -> None:
+    surface, site = site_over(town(tower=4.0))
+    site = replace(site, ground=replace(site.ground, rgb=np.full_like(site.ground.rgb, 128)))
+    answer = METHODS["sam"](surface, site, config(sam_weights=str(weights)), np.random.default_rng(0))
+    assert answer.buildings is not None and len(answer.cameras) > 0
+
+
+@installed
+def test_weights_of_another_kind_are_refused(weights: Path, tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_bytes((weights / "config.json").read_bytes())
+    save_file({"weight": np.zeros(3, np.float32)}, tmp_path / "model.safetensors", {"format": "pt"})
+    with pytest.raises(InputError, match="not of a Segment Anything model"):
+        sam.outlines(picture(), everything_built(picture()), str(tmp_path), True)
+
+
+@installed
+def test_weights_are_a_folder_or_a_name(weights: Path, tmp_path: Path) -> None:
+    folder = (str(weights.resolve()), True)
+    assert sam.find_weights(str(weights)) == folder == sam.find_weights(str(weights / "model.safetensors"))
+    assert sam.find_weights("facebook/sam-vit-base") == ("facebook/sam-vit-base", False)
+    with pytest.raises(InputError, match=r"sampling.sam_weights is empty.*\n.*facebook/sam-vit-base"):
+        sam.find_weights(None)
+    with pytest.raises(InputError, match="no folder and no name"):
+        sam.find_weights(str(tmp_path / "not" / "there"))
+    (tmp_path / "config.json").touch()
+    with pytest.raises(InputError, match=r"no model\.safetensors"):
+        sam.find_weights(str(tmp_path))
+
+
+def test_without_the_library_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sam, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"transformers.*\n.*pip install"):
+        sam.find_weights("facebook/sam-vit-base")

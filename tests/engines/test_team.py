@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from toy_scene import toy_scene
+
+from aug3d_core.nerf import training
+from aug3d_core.nerf.batch import draw
+from aug3d_core.nerf.checkpoint import saved_steps
+from aug3d_core.nerf.config import TrainingConfig
+from aug3d_core.nerf.team import Team, fitting_size, gathered
+
+CONFIG = TrainingConfig(
+    steps=8, groups_per_step=2, hidden=8, encoder_channels=4, coarse_samples=4, fine_samples=2, depth_samples=0,
+    rays_per_group=16, warmup_steps=0, checkpoint_every=4,
+)  # fmt: skip
+
+
+def train_without_noise(team, scene, folder):
+    """Train with samples in the middle of their parts, for each member draws noise of its own."""
+    training.noise_of = lambda seeds: None
+    return training.train(scene, CONFIG, folder, team=team)
+
+
+def test_two_processes_with_a_group_each_come_to_the_weights_of_one_with_two(tmp_path, monkeypatch):
+    monkeypatch.setattr(training, "noise_of", training.noise_of)  # so that it is set back
+    scene = toy_scene(0, 12, 8)
+    alone = train_without_noise(Team(), scene, tmp_path / "alone")
+    with gathered(2, train_without_noise, scene, tmp_path / "together") as team:
+        assert (team.rank, team.size) == (0, 2)
+        together = train_without_noise(team, scene, tmp_path / "together")
+    for one, other in zip(alone.model.parameters(), together.model.parameters(), strict=True):
+        assert torch.allclose(one, other, atol=1e-6)
+    assert [step.loss for step in together.history] == pytest.approx([step.loss for step in alone.history], rel=1e-5)
+    assert [probe.psnr for probe in together.probes] == pytest.approx([probe.psnr for probe in alone.probes], rel=1e-5)
+    assert saved_steps(tmp_path / "together") == [4, 8]
+
+
+def test_members_share_out_the_groups_of_a_step():
+    batch = draw(toy_scene(0, 12, 8), CONFIG.model_copy(update={"groups_per_step": 4}), np.random.default_rng(0))
+    parts = [Team(rank, 2).share(batch) for rank in range(2)]
+    assert np.array_equal(np.concatenate([part.inputs for part in parts]), batch.inputs[[0, 2, 1, 3]])
+    rays = np.concatenate([part.rays.origins for part in parts]).reshape(4, 16, 3)
+    assert np.array_equal(rays, batch.rays.origins.reshape(4, 16, 3)[[0, 2, 1, 3]])
+    assert np.array_equal(Team().share(batch).colour, batch.colour)
+
+
+@given(st.integers(1, 64), st.integers(0, 16))
+def test_members_have_equally_many_groups(groups, devices):
+    size = fitting_size(groups, devices)
+    assert groups % size == 0
+    assert 1 <= size <= max(devices, 1)
+    assert fitting_size(4, 3) == 2

@@ -1,0 +1,275 @@
+import math
+from filecmp import cmp
+
+import pandas as pd
+import pytest
+import torch
+from safetensors.torch import load_file
+from toy_scene import toy_scene
+
+from aug3d_core.dataset.writer import write
+from aug3d_core.errors import InputError
+from aug3d_core.nerf import training, training_stage
+from aug3d_core.nerf.checkpoint import STATE, save_state, saved_steps
+from aug3d_core.nerf.config import TrainingConfig
+from aug3d_core.nerf.run import begin, begin_again
+from aug3d_core.nerf.training import train
+from aug3d_core.store import layout
+
+CONFIG = TrainingConfig(
+    steps=12, hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2, rays_per_group=48,
+    warmup_steps=4, checkpoint_every=5, learning_rate=3e-3,
+)  # fmt: skip
+LIGHT = CONFIG.model_copy(
+    update={
+        "steps": 1000,
+        "least_gain_db": 0.0,
+        "hidden": 8,
+        "coarse_samples": 3,
+        "fine_samples": 1,
+        "depth_samples": 0,
+        "rays_per_group": 16,
+    }
+)
+
+
+def silent(done: int, total: int, what: str) -> None:
+    """Take no notice."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 24, 16)
+
+
+@pytest.fixture(scope="module")
+def dataset(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dataset")
+    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def trained(dataset, tmp_path_factory):
+    out = tmp_path_factory.mktemp("training")
+    return out, training_stage.run({"dataset": dataset}, CONFIG, out, silent)
+
+
+def same_files(one, other, *names):
+    return all(cmp(one / name, other / name, shallow=False) for name in names)
+
+
+# What training leaves
+
+
+def test_training_reports_its_curve_and_leaves_a_model(trained):
+    out, outcome = trained
+    assert outcome.state == "ok"
+    assert outcome.notes == ()
+    assert outcome.metrics["steps"] == 12
+    assert outcome.metrics["stopped_by"] == "steps"
+    assert outcome.metrics["restarts"] == 0
+    assert 0 < outcome.metrics["loader_wait_share"] < 0.5
+    assert outcome.metrics["parameters"] == sum(w.numel() for w in load_file(out / layout.MODEL_WEIGHTS).values())
+    assert [step for step, _ in outcome.series["train_psnr"]] == list(range(1, 13))
+    assert len(pd.read_parquet(out / layout.CURVE)) == 12
+    assert not (out / layout.CHECKPOINT).exists()
+
+
+def test_training_repeats_to_the_bit(dataset, trained, tmp_path):
+    training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
+    assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.MODEL_CONFIG, layout.CURVE)
+
+
+def test_another_seed_is_another_model(dataset, trained, tmp_path):
+    training_stage.run({"dataset": dataset}, CONFIG.model_copy(update={"seed": 1, "steps": 2}), tmp_path, silent)
+    assert not same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS)
+
+
+def test_a_model_that_learned_nothing_is_degraded(dataset, tmp_path):
+    config = CONFIG.model_copy(update={"blend_inputs": False, "steps": 2, "learning_rate": 1e-9})
+    outcome = training_stage.run({"dataset": dataset}, config, tmp_path, silent)
+    assert outcome.state == "degraded"
+    assert "no better than one colour" in outcome.notes[0]
+
+
+# Checkpoints
+
+
+def killed_at(step, scene, config, checkpoints):
+    def stop(run):
+        if run.step == step:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(scene, config, checkpoints, stop)
+
+
+def test_a_killed_training_resumes_to_the_same_curve_and_weights(scene, dataset, trained, tmp_path):
+    killed_at(8, scene, CONFIG, tmp_path / layout.CHECKPOINT)
+    assert saved_steps(tmp_path / layout.CHECKPOINT) == [5]
+    training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
+    assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.CURVE)
+
+
+@pytest.mark.parametrize("size", [0, 200, -50])
+def test_a_corrupt_checkpoint_is_refused(scene, tmp_path, size):
+    save_state(tmp_path, 5, {"history": [1.0] * 100, "weights": torch.rand(100)})
+    path = tmp_path / STATE.format(5)
+    path.write_bytes(path.read_bytes()[:size])
+    with pytest.raises(InputError, match=r"checkpoint state-00000005\.pt is damaged"):
+        train(scene, CONFIG, tmp_path)
+
+
+class Bomb:
+    """What a hostile checkpoint could hold: code that runs when it is unpickled."""
+
+    def __reduce__(self):
+        return print, ("boom",)
+
+
+def test_a_checkpoint_with_code_is_refused_without_running_it(scene, tmp_path, capsys):
+    save_state(tmp_path, 5, {"history": Bomb()})
+    with pytest.raises(InputError, match=r"checkpoint state-00000005\.pt is damaged"):
+        train(scene, CONFIG, tmp_path)
+    assert "boom" not in capsys.readouterr().out
+
+
+def test_a_checkpoint_of_another_configuration_is_refused(scene, tmp_path):
+    save_state(tmp_path, 5, {"config": CONFIG.model_copy(update={"hidden": 32}).model_dump(mode="json")})
+    with pytest.raises(InputError, match="another configuration"):
+        train(scene, CONFIG, tmp_path)
+
+
+def test_old_states_are_thinned_out(tmp_path):
+    for step in range(50, 1501, 50):
+        save_state(tmp_path, step, {})
+    assert saved_steps(tmp_path) == [800, 1000, 1200, 1400, 1500]
+
+
+# Trouble
+
+
+def poisoned_at(step, spoil):
+    """Return a report that spoils the model once."""
+
+    def report(run):
+        if run.step == step and not run.restarts:
+            with torch.no_grad():
+                spoil(run.model)
+
+    return report
+
+
+def put_nan(model):
+    model.fine.leave.weight[0, 0] = math.nan
+
+
+def put_out_the_light(model):
+    model.fine.leave.bias[3] = -100.0
+
+
+def test_weights_gone_to_nan_are_left_behind(scene, dataset, tmp_path):
+    config = LIGHT.model_copy(update={"steps": 90, "checkpoint_every": 10})
+    run = train(scene, config, tmp_path, poisoned_at(75, put_nan))
+    restart = run.restarts[0]
+    assert restart.trouble.seen_at == 76
+    assert restart.trouble.what == "the loss is nan"
+    assert restart.again_from == 10  # the first of the window: later ones may already have been ill
+    assert run.step == 90
+    assert all(torch.isfinite(p).all() for p in run.model.parameters())
+    assert run.optimiser.param_groups[0]["lr"] == pytest.approx(training.rate(config, 89, None, 1))
+
+
+def test_a_field_whose_density_died_is_left_behind(scene, tmp_path):
+    run = train(scene, LIGHT.model_copy(update={"steps": 300}), tmp_path, poisoned_at(55, put_out_the_light))
+    assert run.restarts[0].trouble == (55, 255, "no light is stopped on any ray")
+    assert run.restarts[0].again_from == 5
+    assert run.history[-1].light > 0.01
+
+
+def test_a_training_that_always_ends_in_nan_is_refused_after_three_restarts(scene, tmp_path):
+    def poison(run):
+        with torch.no_grad():
+            put_nan(run.model)
+
+    with pytest.raises(InputError, match=r"the loss is nan at step 2, after 3 restarts .* down at 0\.00011") as caught:
+        train(scene, LIGHT, tmp_path, poison)
+    assert "lower learning_rate" in caught.value.remedy
+
+
+def test_a_restart_is_told(dataset, scene, tmp_path, monkeypatch):
+    config = LIGHT.model_copy(update={"steps": 30})
+    poison = poisoned_at(15, put_nan)
+    monkeypatch.setattr(
+        training_stage, "train", lambda scene, config, folder, report, team: train(scene, config, folder, poison, team)
+    )
+    outcome = training_stage.run({"dataset": dataset}, config, tmp_path, silent)
+    assert outcome.metrics["restarts"] == 1
+    assert outcome.state == "ok"
+    assert outcome.notes == (
+        "at step 16 the loss is nan: training went back to step 0 and on at a learning rate of 0.001",
+    )
+
+
+def test_a_healthy_training_is_left_alone(scene, tmp_path):
+    run = train(scene, LIGHT.model_copy(update={"steps": 450}), tmp_path)
+    assert run.restarts == []
+    assert run.step == 450
+
+
+def test_a_killed_training_resumes_after_a_restart_and_in_the_tail(scene, tmp_path):
+    """All that decisions rest on is in the checkpoint: the restart, the probes, the plateau."""
+    config = LIGHT.model_copy(update={"steps": 240, "checkpoint_every": 20, "least_gain_db": 10.0})
+    whole = train(scene, config, tmp_path / "whole", poisoned_at(75, put_nan))
+    assert whole.restarts
+    assert whole.step < 240
+
+    def stop(run):
+        poisoned_at(75, put_nan)(run)
+        if run.restarts and run.step == whole.step - 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(scene, config, tmp_path / "killed", stop)
+    again = train(scene, config, tmp_path / "killed")
+    assert again.history == whole.history
+    assert again.probes == whole.probes
+    assert again.tail_from == whole.tail_from
+    for one, other in zip(again.model.parameters(), whole.model.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+# Fields of the configuration
+
+
+def test_only_what_is_trained_goes_to_the_optimiser(scene, tmp_path):
+    config = CONFIG.model_copy(update={"encoder_frozen": True, "steps": 3})
+    run = train(scene, config, tmp_path)
+    fresh = begin(config, torch.device("cpu"))
+    for (name, one), other in zip(run.model.named_parameters(), fresh.model.parameters(), strict=True):
+        if name.startswith("encoder."):
+            assert torch.equal(one, other)
+
+
+@pytest.mark.parametrize("norm", [0.0, 1e-3])
+def test_gradients_are_clipped_where_a_norm_is_set(scene, tmp_path, norm):
+    run = train(scene, CONFIG.model_copy(update={"max_gradient_norm": norm, "steps": 1}), tmp_path)
+    left = math.sqrt(sum(float((p.grad**2).sum()) for p in run.model.parameters() if p.grad is not None))
+    assert left == pytest.approx(norm or run.history[0].gradient, rel=1e-3)
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_new_attempt_has_other_weights_but_keeps_a_frozen_encoder(frozen):
+    run = begin(CONFIG.model_copy(update={"encoder_frozen": frozen}), torch.device("cpu"))
+    before = {name: value.clone() for name, value in run.model.state_dict().items()}
+    begin_again(run)
+    same = {name for name, value in run.model.state_dict().items() if torch.equal(value, before[name])}
+    assert "fine.enter.weight" not in same
+    assert ("encoder.at_half.0.weight" in same) is frozen
+
+
+def test_the_encoder_starts_from_the_weights_that_are_named(scene, tmp_path):
+    config = CONFIG.model_copy(update={"encoder": "resnet34", "encoder_weights": str(tmp_path / "none.pth")})
+    with pytest.raises(InputError, match=r"none\.pth is no file"):
+        train(scene, config, tmp_path)

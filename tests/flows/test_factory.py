@@ -1,0 +1,112 @@
+"""The factory's composition, with stages that do nothing but leave a record: what is made in which fold, from what."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_up_stages import Stages
+from rich.console import Console
+from typer.testing import CliRunner
+
+from aug3d_core.errors import StageFailed
+from aug3d_core.make import Material
+from aug3d_core.scene_config import scene_config
+from aug3d_core.stages import FROM_PHOTOS, GROUPING
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store
+from flows.cli import app
+from flows.display import Display
+from flows.plan import planned
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
+LATER = [stage.name for stage in FROM_PHOTOS[FROM_PHOTOS.index(GROUPING) :]]
+FOLDS = 3
+
+
+@pytest.fixture
+def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
+    stand_in = Stages(FOLDS)
+    monkeypatch.setattr("tasks.objects.make", stand_in.make)
+    return stand_in
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_bytes(b"a photograph")
+    return tmp_path / "photos"
+
+
+def run(home: Path, folder: Path, auto: tuple[str, ...] = ()) -> dict[str, Any]:
+    from flows.factory import factory
+
+    config = scene_config("tiny").model_copy(update={"auto": auto})
+    return factory("little", str(folder), "tiny", config, str(home))
+
+
+def test_a_small_scene_is_made_fold_by_fold_and_judged_on_all(
+    stages: Stages, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    metrics = run(tmp_path / "home", folder, auto=("depth.max_px",))
+    folds = [f"{name}_fold{fold}" for fold in (1, 2) for name in LATER]
+    assert list(metrics["stages"]) == [stage.name for stage in FROM_PHOTOS] + folds
+    assert metrics["nvs"]["test_views"] == 2 * FOLDS and metrics["nvs"]["fold_psnr_means"] == [20, 21, 22]
+    assert metrics["nvs"]["test_psnr_mean"] == 21 and metrics["nvs"]["test_psnr_ci"][0] < 21
+    for fold in (1, 2):
+        made = Path(metrics["paths"]["objects"][f"dataset_fold{fold}"]) / "made.txt"
+        assert made.read_text() == f"fold {fold}"
+    assert metrics["mlflow"]["run_id"] and metrics["flow_run"]["id"] and not metrics["mlflow"]["waiting"]
+    depths = [row for row in metrics["needs"] if row["by"] == "auto"]
+    assert [(row["step"], row["value"]) for row in depths] == [
+        (name, 288) for name in ("depth", "depth_fold1", "depth_fold2")
+    ]
+    made = Path(metrics["paths"]["objects"]["depth_fold1"]).parent / layout.RECORD
+    assert json.loads(made.read_text())["config"]["max_px"] == 288, "the stage is told what was decided"
+    stages.computed.clear()
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:1")  # nothing listens there: the run goes on
+    again = run(tmp_path / "home", folder, auto=("depth.max_px",))
+    assert stages.computed == [] and all(figures["cached"] for figures in again["stages"].values())
+    assert "cannot be used" in again["mlflow"]["waiting"] and again["state"] == metrics["state"]
+
+
+def test_a_dry_run_and_show_know_the_folds(stages: Stages, folder: Path, tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    runner, words = CliRunner(), ["run", "little", "--photos", str(folder), "--home", str(home), "--dry-run"]
+    before = runner.invoke(app, words)
+    assert "a scene that turns out to be small is made in folds" in before.output and "_fold1" not in before.output
+    run(home, folder)
+    plan = list(planned(Store(home), Material(photos=folder), scene_config("tiny")))
+    assert plan[-1][0].name == "evaluation_fold2" and all(record for _, record in plan)
+    after = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
+    assert {"stage": "depth_fold1", "cached": True} in after
+    shown = runner.invoke(app, ["show", "little", "--home", str(home)])
+    assert "3 folds: every figure is over all of them" in shown.output and "6 views" in shown.output
+    assert "training_fold2" in shown.output
+
+
+def test_a_fold_that_fails_ends_the_run_and_leaves_no_figure(stages: Stages, folder: Path, tmp_path: Path) -> None:
+    stages.fails = ("surface", 1)
+    with pytest.raises(StageFailed, match="no surface in fold 1"):
+        run(tmp_path / "home", folder)
+    shown = json.loads(CliRunner().invoke(app, ["show", "little", "--home", str(tmp_path / "home"), "--json"]).stdout)
+    assert shown["state"] == "refused" and "nvs" not in shown
+    assert "evaluation" in shown["stages"] and list(shown["stages"])[-1] == "depth_fold1"
+    stages.fails = None
+    stages.computed.clear()
+    assert run(tmp_path / "home", folder)["nvs"]["test_views"] == 6
+    assert "evaluation" in stages.computed and stages.computed.count("grouping") == 1, "what was made is kept"
+
+
+def test_the_display_numbers_the_steps_of_every_fold(stages: Stages, folder: Path, tmp_path: Path) -> None:
+    from tasks.progress import listening
+
+    console = Console(record=True, width=120)
+    with Display(console, FROM_PHOTOS) as display, listening(display):
+        run(tmp_path / "home", folder)
+    total = len(FROM_PHOTOS) + (FOLDS - 1) * len(LATER)
+    text = console.export_text()
+    assert f"[{total}/{total}] evaluation_fold2 ..." in text
+    assert f"[1/{len(FROM_PHOTOS)}] photos ..." in text

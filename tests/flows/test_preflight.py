@@ -1,0 +1,41 @@
+"""Servers that the user named: asked before hours of work."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from contextlib import nullcontext
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from aug3d_core.errors import StoreError
+from flows.preflight import check_servers
+
+
+def test_prefect_must_be_reached_and_mlflow_may_be_told_later() -> None:
+    with socket.socket() as taken:  # bound but not listening: nothing answers there
+        taken.bind(("127.0.0.1", 0))
+        address = f"http://127.0.0.1:{taken.getsockname()[1]}/api"
+        check_servers({"MLFLOW_TRACKING_URI": address})
+        with pytest.raises(StoreError, match=f"{address} .from PREFECT_API_URL. cannot be reached"):
+            check_servers({"PREFECT_API_URL": address})
+
+
+@pytest.mark.parametrize("server", ["PREFECT_API_URL", "MLFLOW_TRACKING_URI"])
+@pytest.mark.parametrize(("answer", "refused"), [(401, True), (403, True), (404, False), (500, False), (200, False)])
+def test_a_password_that_a_server_does_not_take(server: str, answer: int, refused: bool) -> None:
+    class Door(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(answer)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Door) as door:
+        threading.Thread(target=door.serve_forever, daemon=True).start()
+        environment = {server: f"http://127.0.0.1:{door.server_port}"}
+        with pytest.raises(StoreError, match="does not take the password") if refused else nullcontext():
+            check_servers(environment)
+        door.shutdown()

@@ -1,0 +1,140 @@
+"""What the services are started with: no secret where others read it, no open door, no page of another site let in."""
+
+from __future__ import annotations
+
+import stat
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.parent import SUPERVISED
+from flows import services
+from flows.preflight import check_servers
+from flows.services import MLFLOW, PASSWORD, PREFECT, WORKER, Serving, serving_from
+
+SECRET = "correct horse battery"
+
+
+@pytest.mark.parametrize("name", [PREFECT, MLFLOW, WORKER])
+def test_no_command_line_holds_a_secret(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_BACKEND_STORE_URI", f"postgresql://u:{SECRET}@h/d")
+    assert SECRET not in " ".join(services.command(name, Serving(tmp_path, password=SECRET)))
+
+
+def test_what_is_read_from_the_environment_is_what_was_written_there(tmp_path: Path) -> None:
+    serving = Serving(tmp_path, "0.0.0.0", 1234, 5678, SECRET)
+    assert serving_from(serving.as_environment()) == serving
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.7", "example.org"])
+def test_an_address_that_others_reach_needs_a_password(host: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=f"--host {host} opens the pages") as refused:
+        serving_from(Serving(tmp_path, host).as_environment())
+    assert PASSWORD in refused.value.remedy
+    assert serving_from(Serving(tmp_path, host, password=SECRET).as_environment()).password == SECRET
+
+
+def test_a_short_password_is_refused_without_being_shown(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="too short: 6 characters") as refused:
+        services.check_password(Serving(tmp_path, password="secret"))
+    assert "secret" not in str(refused.value)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])
+def test_this_machine_alone_needs_none(host: str, tmp_path: Path) -> None:
+    services.check_password(Serving(tmp_path, host))
+
+
+def test_clients_get_the_password_and_where_they_find_the_servers(tmp_path: Path) -> None:
+    made = services.settings(WORKER, Serving(tmp_path, "::", 1234, 5678, SECRET))
+    assert made["PREFECT_API_URL"] == "http://[::1]:1234/api" and made["MLFLOW_TRACKING_URI"] == "http://[::1]:5678"
+    assert made["PREFECT_API_AUTH_STRING"] == f"admin:{SECRET}" and made["MLFLOW_TRACKING_PASSWORD"] == SECRET
+
+
+def test_pages_of_other_sites_are_kept_out_of_both_servers(tmp_path: Path) -> None:
+    serving = Serving(tmp_path, prefect_port=1234, mlflow_port=5678)
+    allowed = services.settings(PREFECT, serving)["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"].split(",")
+    assert set(allowed) == {"http://127.0.0.1:1234", "http://localhost:1234", "http://[::1]:1234"}
+    made = services.settings(MLFLOW, serving)
+    assert "*" not in made["MLFLOW_SERVER_ALLOWED_HOSTS"] + made["MLFLOW_SERVER_CORS_ALLOWED_ORIGINS"]
+    assert "127.0.0.1:5678" in made["MLFLOW_SERVER_ALLOWED_HOSTS"].split(",")
+
+
+def test_files_stay_on_a_disk_that_is_shared_and_go_through_the_server_where_none_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shared = services.settings(MLFLOW, Serving(tmp_path))
+    assert shared["MLFLOW_DEFAULT_ARTIFACT_ROOT"].startswith("file://") and shared["MLFLOW_SERVE_ARTIFACTS"] == "false"
+    monkeypatch.setenv("MLFLOW_ARTIFACTS_DESTINATION", "s3://aug3d")
+    assert "MLFLOW_DEFAULT_ARTIFACT_ROOT" not in services.settings(MLFLOW, Serving(tmp_path))
+
+
+def test_only_the_owner_reads_what_the_services_keep(tmp_path: Path) -> None:
+    """The entry itself, told to become a Python that does nothing."""
+    serving = Serving(tmp_path, password=SECRET)
+    become = (
+        "import flows.services as s; s.command = lambda *_: ['-c', '']; "
+        f"s._become({MLFLOW!r}, s.serving_from({serving.as_environment()!r}))"
+    )
+    subprocess.run([sys.executable, "-c", become], check=True, cwd=Path(__file__).parents[2])
+    files = [serving.folder, *serving.folder.iterdir()]
+    assert len(files) == 3
+    assert all(not stat.S_IMODE(file.stat().st_mode) & 0o077 for file in files)
+    assert SECRET not in "".join(file.read_text() for file in files[1:])
+
+
+@pytest.mark.parametrize("words", [["nonsense"], ["check", "nonsense"], ["stop", PREFECT]])
+def test_a_service_that_there_is_not(words: list[str]) -> None:
+    done = subprocess.run([sys.executable, "-m", "flows.services", *words], capture_output=True, text=True)
+    assert done.returncode == 2 and "there is no service" in done.stderr and SUPERVISED not in done.stderr
+
+
+class _Guarded(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        known = "Basic YWRtaW46Y29ycmVjdCBob3JzZSBiYXR0ZXJ5"  # admin:SECRET
+        self.send_response(200 if self.headers.get("Authorization") == known else 401)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def guarded() -> Iterator[int]:
+    """A server that asks for `SECRET`; yields its port."""
+    with HTTPServer(("127.0.0.1", 0), _Guarded) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        yield server.server_port
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize("password", ["", "wrong password"])
+@pytest.mark.parametrize("other", ["PREFECT_API_URL", "MLFLOW_TRACKING_URI"])
+def test_a_wrong_password_is_told_before_anything_is_started(
+    other: str, password: str, guarded: int, tmp_path: Path
+) -> None:
+    clients = services.clients(Serving(tmp_path, prefect_port=guarded, mlflow_port=guarded, password=password))
+    del clients[other]
+    with pytest.raises(StoreError, match=f"{guarded}.* does not take the password") as refused:
+        check_servers(clients)
+    assert "PASSWORD" in refused.value.remedy or "AUTH_STRING" in refused.value.remedy
+    assert not password or password not in str(refused.value)
+
+
+def test_the_right_password_is_taken(guarded: int, tmp_path: Path) -> None:
+    check_servers(services.clients(Serving(tmp_path, prefect_port=guarded, mlflow_port=guarded, password=SECRET)))
+
+
+def test_limits_outlive_a_restart_of_prefect(tmp_path: Path) -> None:
+    """A lease that a server forgets ends the run that holds it, minutes later."""
+    module = services.settings(PREFECT, Serving(tmp_path))["PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE"]
+    assert module.endswith("filesystem") and find_spec(module) is not None

@@ -1,0 +1,35 @@
+"""The end of a run as a person reads it."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from aug3d_core.store.scenes import version_metrics
+from flows.summary import print_summary
+from tests.tasks.logged import version
+
+
+def printed(metrics: dict[str, Any]) -> str:
+    console = Console(file=io.StringIO(), width=200)
+    print_summary(console, metrics)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_what_mlflow_was_not_told_is_said(tmp_path: Path) -> None:
+    metrics = version_metrics(version(tmp_path))
+    assert "note" not in printed(metrics)
+    why = "MLflow at http://127.0.0.1:5 cannot be used: [Errno 111] refused; the next run logs what it was not told"
+    assert f"note {why}" in printed(metrics | {"mlflow": {"run_id": "", "url": "", "waiting": why}})
+
+
+def test_what_auto_decided_is_told_with_its_reason(tmp_path: Path) -> None:
+    metrics = version_metrics(version(tmp_path))
+    row = {"step": "depth", "fold": 0, "by": "auto", "field": "depth.max_px", "value": 288, "measured": "views of 96 px",
+           "rule": "3 times that", "saves": "", "costs": ""}  # fmt: skip
+    told = printed(metrics | {"needs": [row, row | {"by": "sfm", "field": "sfm.mapper"}]})
+    assert "depth.max_px" in told and "288" in told and "3 times that" in told and "sfm.mapper" not in told

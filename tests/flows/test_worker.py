@@ -1,0 +1,159 @@
+"""The worker follows the registry, takes over what nobody works on, and makes up for missed schedules once."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+from collections.abc import Coroutine
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from aug3d_core.registry.entry import SceneEntry
+from aug3d_core.registry.files import remove_scene, scene_file, write_scene
+from aug3d_core.registry.schedule import Schedule
+from aug3d_core.store.store import Store
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
+
+
+@pytest.fixture
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
+    monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
+    return Store(tmp_path)
+
+
+def run(work: Coroutine[Any, Any, Any]) -> Any:
+    return asyncio.run(work)
+
+
+def scene(**changed: Any) -> SceneEntry:
+    return SceneEntry.model_validate({"photos": None, "description": "a town", **changed})
+
+
+async def deployments() -> dict[str, Any]:
+    from prefect.client.orchestration import get_client
+
+    async with get_client() as client:
+        return {deployment.name: deployment for deployment in await client.read_deployments()}
+
+
+def test_deployments_follow_the_registry(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
+    from prefect.runner import Runner
+
+    from flows.worker import register
+
+    write_scene(store, "one", scene(schedule=Schedule(cron="0 3 * * 1", timezone="Europe/Warsaw")))
+    write_scene(store, "two", scene(settings={"training": {"steps": 77}}, tags=("old",)))
+
+    async def follow() -> tuple[dict[str, Any], ...]:
+        runner = Runner(name="aug3d")
+        known = await register(runner, store, None)
+        before = await deployments()
+        remove_scene(store, "one")
+        scene_file(store, "two").write_text("photos: null\npreset: huge\n")
+        await register(runner, store, known)
+        return before, await deployments()
+
+    before, after = run(follow())
+    [schedule] = before["one"].schedules
+    assert (schedule.schedule.cron, schedule.schedule.timezone, schedule.active) == ("0 3 * * 1", "Europe/Warsaw", True)
+    assert before["two"].parameters["settings"]["training"]["steps"] == 77
+    assert before["two"].parameter_openapi_schema["properties"]["scene"]["enum"] == ["two"]
+    assert set(before["two"].tags) == {"aug3d", "scene", "tiny", "old"}
+    assert "one" not in after and after["two"].parameters == before["two"].parameters, "a torn file changes nothing"
+    assert "two.yaml:2: preset" in capsys.readouterr().out
+
+
+def test_the_form_says_what_each_setting_is_and_keeps_the_order_of_the_stages(store: Store) -> None:
+    from flows.deployments import of_scene
+
+    form = run(of_scene("one", scene()))._parameter_openapi_schema.model_dump()
+    assert list(form["definitions"]["SceneConfig"]["properties"]) == list(scene().config_values())
+    assert form["definitions"]["TrainingConfig"]["properties"]["steps"]["minimum"] >= 1
+    for name, model in form["definitions"].items():
+        for field, said in model.get("properties", {}).items():
+            assert said.get("description"), f"{name}.{field} tells what it is"
+            assert said.get("title", field) == field, "a form calls it what files and --set call it"
+
+
+def test_runs_without_a_process_are_taken_over(store: Store) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelling, Completed, Running
+
+    from flows.deployments import of_scene
+    from flows.worker import take_over
+    from tasks.alive import alive
+
+    @flow
+    def nothing() -> None: ...
+
+    async def ends() -> list[str]:
+        async with get_client() as client:
+            states = Running(), Cancelling(), Completed(), Running()
+            runs = [await client.create_flow_run(nothing, state=state) for state in states]
+            deployment = await (await of_scene("taken", scene())).aapply()
+            runs.append(await client.create_flow_run_from_deployment(deployment, state=Running()))
+            with alive(store.root, str(runs[3].id)):
+                await take_over(client, store)
+            return [(await client.read_flow_run(made.id)).state.name for made in runs]
+
+    assert run(ends()) == ["Crashed", "Cancelled", "Completed", "Running", "AwaitingRetry"]
+
+
+def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelling
+
+    from flows import worker
+
+    @flow
+    def nothing() -> None: ...
+
+    async def state_and_process() -> tuple[str, int | None]:
+        async with get_client() as client:
+            await worker.end_cancelled(client)
+            return (await client.read_flow_run(made.id)).state.name, process.poll()
+
+    async def make() -> Any:
+        async with get_client() as client:
+            return await client.create_flow_run(nothing, state=Cancelling())
+
+    made = run(make())
+    process = subprocess.Popen(["sleep", "60"], env={**os.environ, "PREFECT__FLOW_RUN_ID": str(made.id)})
+    try:
+        assert run(state_and_process()) == ("Cancelling", None), "the runner has its time"
+        monkeypatch.setattr(worker, "CANCELLED_WITHIN_S", 0.0)
+        assert run(state_and_process())[0] == "Cancelled"
+        assert process.wait(60) == -signal.SIGKILL
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_of_the_missed_runs_one_makes_up_for_all(store: Store) -> None:
+    from prefect.client.orchestration import get_client
+
+    from flows.deployments import of_scene
+    from flows.worker import one_of_the_missed
+
+    async def scheduled() -> list[tuple[datetime, str]]:
+        deployment = await (await of_scene("one", scene(schedule=Schedule(every="10m")))).aapply()
+        now = datetime.now(UTC)
+        times = {"start_time": str(now - timedelta(hours=1)), "end_time": str(now + timedelta(minutes=25))}
+        async with get_client() as client:
+            await client._client.post(f"/deployments/{deployment}/schedule", json=times)
+            await one_of_the_missed(client)
+            runs = [made for made in await client.read_flow_runs() if made.deployment_id == deployment]
+        return sorted((made.expected_start_time, made.state.name) for made in runs)
+
+    told = run(scheduled())
+    past = [name for time, name in told if time < datetime.now(UTC)]
+    assert len(past) >= 5 and past[-1] in ("Scheduled", "Late") and set(past[:-1]) == {"Cancelled"}
+    assert {name for time, name in told if time > datetime.now(UTC)} == {"Scheduled"}

@@ -1,0 +1,106 @@
+"""docker-compose.yml cannot be tried without a container engine: it is held to its specification and to flows/services.py."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from aug3d_core import __version__
+from flows.services import MLFLOW, PASSWORD, PREFECT, WORKER, serving_from, settings
+
+ROOT = Path(__file__).parents[2]
+OURS = {"prefect": PREFECT, "mlflow": MLFLOW, "worker": WORKER, "worker-gpu": WORKER}
+
+
+@pytest.fixture(scope="module")
+def services() -> dict[str, dict[str, Any]]:
+    return yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+
+
+def known_variables() -> dict[str, str]:
+    lines = [line for line in (ROOT / ".env.example").read_text().splitlines() if line and not line.startswith("#")]
+    return dict(line.split("=", 1) for line in lines)
+
+
+def filled_in(text: str, values: dict[str, str]) -> str:
+    """Return the text as compose would read it: `${NAME}`, `${NAME:-default}`, `${NAME:?error}`."""
+    return re.sub(
+        r"\$\{(\w+)(?::-([^}]*)|:\?[^}]*)?\}", lambda found: values.get(found[1]) or found[2] or "", str(text)
+    )
+
+
+def test_the_file_is_one_of_the_compose_specification() -> None:
+    check = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec"]
+    done = subprocess.run([*check, ROOT / "docker-compose.yml"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_our_services_are_started_and_checked_as_aug3d_up_does_it(name: str, services: dict[str, Any]) -> None:
+    entry = ["python", "-m", "flows.services"]
+    assert services[name]["command"] == [*entry, OURS[name]]
+    assert services[name]["healthcheck"]["test"] == ["CMD", *entry, "check", OURS[name]]
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_what_compose_sets_is_what_the_services_read(name: str, services: dict[str, Any]) -> None:
+    values = {**known_variables(), PASSWORD: "quite long enough", "POSTGRES_PASSWORD": "abc"}
+    environment = {key: filled_in(value, values) for key, value in services[name]["environment"].items()}
+    serving = serving_from(environment)  # refuses an open door without a password
+    assert serving.host == "0.0.0.0" and (serving.prefect_port, serving.mlflow_port) == (4200, 5000)
+    if OURS[name] == WORKER:
+        made = {**settings(WORKER, serving), **environment}
+        assert made["PREFECT_API_URL"] == "http://prefect:4200/api"
+        assert made["MLFLOW_TRACKING_URI"] == "http://mlflow:5000"
+        assert made["MLFLOW_TRACKING_PASSWORD"] == "quite long enough"
+
+
+def test_only_the_pages_are_published_and_only_on_this_machine(services: dict[str, Any]) -> None:
+    ports = {name: service["ports"] for name, service in services.items() if "ports" in service}
+    assert set(ports) == {"prefect", "mlflow"}
+    assert all(port.startswith("127.0.0.1:") for published in ports.values() for port in published)
+
+
+def test_every_image_is_pinned_and_every_service_has_limits(services: dict[str, Any]) -> None:
+    for name, service in services.items():
+        _, _, tag = service["image"].partition(":")
+        assert re.search(r"\d+\.\d+", tag) and "latest" not in tag, name
+        assert {"cpus", "memory"} <= set(service["deploy"]["resources"]["limits"]), name
+    bases = re.findall(r"^FROM (\S+)", (ROOT / "infra" / "Dockerfile").read_text(), re.MULTILINE)
+    assert all(re.search(r":\d+\.\d+\.\d+", base) for base in bases)
+
+
+def test_services_wait_for_the_health_of_what_they_need(services: dict[str, Any]) -> None:
+    for name, service in services.items():
+        for needed, how in service.get("depends_on", {}).items():
+            if how["condition"] == "service_healthy":
+                assert services[needed]["healthcheck"]["test"], f"{name} waits for {needed}"
+            else:
+                assert services[needed]["restart"] == "on-failure"
+
+
+def test_no_secret_is_in_the_files_and_each_has_its_place_in_the_example() -> None:
+    text = (ROOT / "docker-compose.yml").read_text()
+    assert set(re.findall(r"\$\{(\w+)", text)) | {"COMPOSE_PROFILES"} == set(known_variables())
+    for secret in (PASSWORD, "POSTGRES_PASSWORD", "S3_ACCESS_KEY", "S3_SECRET_KEY"):
+        assert known_variables()[secret] == ""
+        assert f"${{{secret}:?" in text and f"${{{secret}:-" not in text  # compose stops where one is missing
+    assert ".env" in (ROOT / ".gitignore").read_text().splitlines()
+
+
+def test_our_image_runs_as_a_user_without_rights_and_holds_what_it_copies(services: dict[str, Any]) -> None:
+    lines = (ROOT / "infra" / "Dockerfile").read_text().splitlines()
+    assert "USER aug3d" in lines[-5:]
+    for name in OURS:
+        assert services[name]["cap_drop"] == ["ALL"]
+        assert services[name]["image"].startswith(f"aug3d:{__version__}-")
+    copied = [path for line in lines if line.startswith("COPY") for path in line.split()[1:-1]]
+    allowed = [line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")]
+    for path in copied:
+        assert (ROOT / path).exists() and any(path.startswith(prefix) for prefix in allowed), path

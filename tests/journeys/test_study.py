@@ -1,0 +1,87 @@
+"""The paper's tables on a very small town: a quick look, killed and gone on with, and the same test in every cell."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from journeys.test_demo import run as run_demo
+
+from aug3d_core.store import layout
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(2400)]
+
+# No group of 10 can be made of its few training photographs: those arms must say so.
+SETTINGS = ["--set", "training.steps=5", "--set", "training.rays_per_group=32"]
+
+
+def command(home: Path, study: str) -> list[str]:
+    aug3d = str(Path(sys.executable).parent / "aug3d")
+    return [aug3d, "study", study, "demo", "--quick", "--json", "--home", str(home), *SETTINGS]
+
+
+def run(home: Path, study: str) -> dict[str, Any]:
+    done = subprocess.run(command(home, study), capture_output=True, text=True)
+    assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("study")
+    run_demo(home)
+    return home
+
+
+def test_a_grouping_study_that_is_killed_goes_on(home: Path) -> None:
+    before = {stage: made(home, stage) for stage in ("sfm", "depth", "surface")}
+    study = subprocess.Popen(command(home, "grouping"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    trained = len(made(home, "training"))
+    while study.poll() is None and len(made(home, "training")) == trained:
+        time.sleep(0.2)
+    os.kill(study.pid, signal.SIGKILL)
+    study.wait()
+    kept = made(home, "training")
+    told = run(home, "grouping")
+    arms = {arm["arm"]: arm for arm in told["arms"]}
+    assert len(made(home, "training")) == trained + 2 * 2 and kept <= made(home, "training")
+    assert before == {stage: made(home, stage) for stage in before}, "poses and mesh are the scene's own"
+    for way in ("sequence", "shared"):
+        assert arms[f"{way}, K auto"]["average"] > 5 and 3 < arms[f"{way}, K auto"]["k"] <= 6
+        assert re.search(r"no groups of 10: there are only \d training views", arms[f"{way}, K 10"]["notes"][0])
+    assert {path.name for path in Path(told["folder"]).iterdir()} >= {layout.STUDY_CHART, layout.STUDY_PAGE}
+    assert same_tests(home, told) == 1
+
+
+def test_an_augmentation_study_adds_virtual_views(home: Path) -> None:
+    told = run(home, "augmentation")
+    arms = {arm["arm"]: arm for arm in told["arms"]}
+    assert arms["real, K auto"]["virtual_views"] == 0 and arms["real + grid, K auto"]["virtual_views"] >= 4
+    scores = pd.read_parquet(Path(told["folder"]) / layout.STUDY_SCORES)
+    assert np.isfinite(scores["psnr"]).all()
+    assert same_tests(home, told) == 1
+
+
+def made(home: Path, stage: str) -> set[str]:
+    return {record.parent.name for record in (home / layout.OBJECTS / stage).glob(f"*/{layout.RECORD}")}
+
+
+def same_tests(home: Path, told: dict[str, Any]) -> int:
+    """Return how many different tests the cells were given: split, targets, and the inputs of each."""
+    tests = set()
+    for cell in told["cells"]:
+        files = home / layout.OBJECTS / "grouping" / cell["objects"]["grouping"] / layout.FILES
+        with np.load(files / layout.GROUPS) as groups:
+            inputs = groups["test_members"][:, :4].tobytes()
+        tests.add((inputs, pd.read_parquet(files / layout.SPLIT_TABLE)["role"].str.cat(sep=" ")))
+    return len(tests)

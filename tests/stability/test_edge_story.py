@@ -1,0 +1,57 @@
+"""The chart and the sentences of the paper's edge cases, from made-up results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from PIL import Image
+
+from aug3d_core.stability.cell import Cell, Result
+from aug3d_core.stability.edge_story import draw, sentences
+from aug3d_core.stability.findings import Findings, findings
+from aug3d_core.stability.page import write_page
+from aug3d_core.stability.perturbations.edge_cases import PERTURBATIONS
+from aug3d_core.store.store import Store
+
+TURNS = next(p for p in PERTURBATIONS if p.name == "abrupt turns")
+
+
+def found(bad: Mapping[str, float]) -> Findings:
+    """Return results whose bad members grow with the dose, by so much a turn."""
+    cells = [Cell(TURNS, dose, way, seed) for way in bad for dose in TURNS.doses for seed in (0, 1, 2)]
+    return findings(
+        "full", 3, "", [Result(c, {}, min(1.0, bad[c.method] * c.dose + 0.01 * c.seed), "ok") for c in cells]
+    )
+
+
+def test_a_case_is_told_with_numbers() -> None:
+    (sentence,) = sentences(found({"sequence": 0.2, "shared": 0.0}))
+    assert "changes of course" in sentence
+    assert (
+        "sequence breaks at 1.25 turns in ten photos (51% of its members are bad at 2.5 turns in ten photos)"
+        in sentence
+    )
+    assert "shared never breaks (at most 1% of its members are bad)" in sentence
+
+
+def test_a_case_that_was_not_run_is_not_told_of(tmp_path: Path) -> None:
+    assert sentences(found({"grid": 0.1})) == []
+    nothing = findings("chosen", 1, "", [])
+    assert sentences(nothing) == [] and not draw(nothing, tmp_path / "chart.png")
+    assert not (tmp_path / "chart.png").exists()
+
+
+def test_the_page_shows_the_chart_and_says_the_sentence(tmp_path: Path) -> None:
+    page, seen = tmp_path / "page.html", found({"sequence": 0.2, "shared": 0.0})
+    draw(seen, tmp_path / "chart.png")
+    write_page(Store(tmp_path / "home"), seen, tmp_path / "chart.png", page)
+    text = page.read_text()
+    assert "with numbers" in text and "sequence breaks at 1.25 turns" in text
+
+
+def test_the_chart_has_a_line_for_each_way(tmp_path: Path) -> None:
+    assert draw(found({"sequence": 0.2, "shared": 0.0}), tmp_path / "chart.png")
+    with Image.open(tmp_path / "chart.png") as image:
+        colours = {colour for _, colour in image.convert("RGB").getcolors(1 << 20) or []}
+    assert {(0xB4, 0x53, 0x09), (0x15, 0x80, 0x3D)} <= colours

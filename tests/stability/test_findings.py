@@ -1,0 +1,127 @@
+"""What cells say together: where a method breaks, what is silent, and what is written for people and programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from aug3d_core.errors import UsageError
+from aug3d_core.scene_config import scene_config
+from aug3d_core.stability.catalogue import PERTURBATIONS, cells_of, chosen
+from aug3d_core.stability.cell import Cell, CellState, Result
+from aug3d_core.stability.findings import Findings, as_json, findings
+from aug3d_core.stability.map import margin
+from aug3d_core.stability.perturbation import Computed, InFactory, Judge, Perturbation
+from aug3d_core.stability.write import write_study
+from aug3d_core.stages import STAGES
+from aug3d_core.store import layout
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+
+JUDGE = Judge("share", "higher", 0.5, "half is wrong")
+WORSE = Perturbation(
+    "rain", "Photographs", "It rains.", "mm", (0, 1, 2, 3), JUDGE, Computed("a:b"), {"bare": (), "under a roof": ()}
+)
+
+
+def cell(dose: float, method: str, seed: int, accuracy: float | None, state: CellState = "ok", **more) -> Result:
+    return Result(Cell(WORSE, dose, method, seed), {}, accuracy, state, **more)
+
+
+def studied(*results: Result) -> Findings:
+    return findings("full", 3, "a machine", results)
+
+
+def test_a_method_breaks_at_the_first_dose_at_which_half_of_its_seeds_do() -> None:
+    found = studied(
+        *(cell(0, "bare", seed, 0.9) for seed in range(3)),
+        *(cell(1, "bare", seed, accuracy) for seed, accuracy in enumerate((0.4, 0.6, 0.7))),
+        *(cell(2, "bare", seed, accuracy, "degraded") for seed, accuracy in enumerate((None, 0.3, 0.7))),
+        *(cell(0, "under a roof", seed, 0.9) for seed in range(3)),
+    )
+    bare, roof = found.rows
+    assert bare.breaking is not None and (bare.breaking.dose, bare.breaking.state) == (2, "degraded")
+    assert bare.noticed is bare.breaking and bare.breaking.accuracy == pytest.approx(0.5)
+    assert roof.breaking is None and roof.noticed is None
+    assert [(r.cell.dose, r.cell.seed) for r in found.silent] == [(1, 0)], "one seed is silent, though the method holds"
+
+
+def test_alarms_and_crashes_are_counted_apart() -> None:
+    found = studied(
+        cell(0, "bare", 0, 0.9, "degraded"),
+        cell(3, "bare", 0, 0.9, "degraded"),
+        cell(3, "under a roof", 0, None, "crash", failure="SIGSEGV"),
+    )
+    assert [r.cell.dose for r in found.false_alarms] == [0], "an alarm at a dose that does no harm has no cause"
+    assert len(found.crashes) == 1 and not found.silent
+    told = as_json(found)
+    assert (told["cells"], told["silent_failures"], told["crashes"]) == (3, 0, 1)
+
+
+@given(st.floats(0.01, 100), st.floats(0.01, 100), st.sampled_from(("higher", "lower")))
+def test_the_colour_turns_at_the_mark(mark: float, accuracy: float, better) -> None:
+    judge = Judge("f", better, mark, "")
+    assert -1 <= margin(judge, accuracy) <= 1
+    assert (margin(judge, accuracy) < 0) == judge.broken(accuracy)
+    assert margin(judge, None) == -1
+
+
+@given(st.floats(-3, 3))
+def test_the_colour_of_a_mark_of_zero_is_the_sign(accuracy: float) -> None:
+    for better in ("higher", "lower"):
+        judge = Judge("f", better, 0.0, "")
+        assert (margin(judge, accuracy) < 0) == judge.broken(accuracy)
+
+
+def test_what_is_written_shows_the_failure_and_what_the_factory_said(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    files = store.work_dir("computed", "k") / layout.FILES
+    files.mkdir(parents=True)
+    Image.new("RGB", (40, 30), "red").save(files / "wet.png")
+    empty = {"recipe": "r", "inputs": {}, "versions": {}, "series": {}, "notes": (), "config": {}, "metrics": {}}
+    loose = {"pictures": {"Wet": "wet.png"}, "state": "ok", "seconds": 2.0, "cpu_seconds": 1.0, "peak_mib": 1.0}
+    record: Record = store.commit(files.parent, "computed", "k", empty | loose)
+    found = studied(
+        Result(Cell(WORSE, 0, "bare", 0), {"computed": record}, 0.9, "ok"),
+        Result(Cell(WORSE, 2, "bare", 0), {"computed": record}, 0.2, "ok"),
+        cell(2, "under a roof", 0, None, "refused", failure="too <wet>", notes=("too <wet>",)),
+    )
+    folder = write_study(store, found)
+    page = (folder / layout.STUDY_PAGE).read_text()
+    assert "http" not in page and page.count("data:image") == 3, "the map, the harmless dose, the failure"
+    assert "too &lt;wet&gt;" in page and "Silent failures" in page and "<wet>" not in page
+    told = json.loads((folder / layout.STUDY_FINDINGS).read_text())
+    assert told["breaking_doses"][0]["breaking_dose"] == 2 and told["seconds"] == 2.0, "an object counts once"
+    assert len(pd.read_parquet(folder / layout.STUDY_SCORES)) == 3
+
+
+def test_perturbations_are_what_they_should_be() -> None:
+    assert len({p.name for p in PERTURBATIONS}) == len(PERTURBATIONS)
+    for perturbation in PERTURBATIONS:
+        assert len(perturbation.doses) >= 4 and perturbation.what.endswith("."), perturbation.name
+        how = perturbation.how
+        if isinstance(how, InFactory):
+            assert {how.until, perturbation.judge.stage} <= set(STAGES)
+            for dose in perturbation.doses:
+                for overrides in perturbation.methods.values():
+                    seeds = tuple(f"{field}=1" for field in how.seeded)
+                    scene_config("tiny", (*how.world, *seeds, *how.settings(dose), *overrides))
+
+
+def test_cells_are_seed_after_seed_and_the_quick_size_is_two_doses() -> None:
+    cells = cells_of([WORSE], 2, False)
+    assert len(cells) == 2 * 2 * 4 and [c.seed for c in cells] == sorted(c.seed for c in cells)
+    assert [c.dose for c in cells_of([WORSE], 1, True)] == [0, 3, 0, 3]
+    assert 0 < len(chosen((), True)) < len(chosen((), False)) == len(PERTURBATIONS)
+
+
+def test_a_perturbation_that_is_not_there_is_named_with_those_that_are() -> None:
+    assert {p.name for p in chosen(("Slope",), False)} >= {"slope", "village on a slope"}
+    with pytest.raises(UsageError, match=r"no perturbation 'snow'[\s\S]*blur"):
+        chosen(("snow",), False)

@@ -1,0 +1,38 @@
+"""The perturbations from the surface to the test can be run as they are written down."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+from aug3d_core.scene_config import scene_config
+from aug3d_core.stability.perturbation import Computed, InFactory, Perturbation
+from aug3d_core.stability.perturbations import boxes, edge_cases, learning, surface, virtual_views
+from aug3d_core.stages import FROM_TOWN, STAGES
+
+ALL = [p for module in (edge_cases, surface, boxes, virtual_views, learning) for p in module.PERTURBATIONS]
+NAMES = [stage.name for stage in FROM_TOWN]
+
+
+def test_names_are_unique() -> None:
+    assert len({p.name for p in ALL}) == len(ALL)
+
+
+@pytest.mark.parametrize("perturbation", ALL, ids=lambda p: p.name)
+def test_a_perturbation_can_be_run(perturbation: Perturbation) -> None:
+    assert len(perturbation.doses) >= 4 and len(set(perturbation.doses)) == len(perturbation.doses)
+    assert perturbation.judge.why
+    how = perturbation.how
+    module, _, name = (how.compute if isinstance(how, Computed) else how.spoil.damage if how.spoil else "").partition(
+        ":"
+    )
+    assert not module or callable(getattr(importlib.import_module(module), name))
+    if isinstance(how, InFactory):
+        assert perturbation.judge.stage in STAGES
+        assert NAMES.index(perturbation.judge.stage) <= NAMES.index(how.until)
+        for dose in perturbation.doses:
+            for method in perturbation.methods.values():
+                scene_config(
+                    "tiny", (*how.world, *(f"{field}=1" for field in how.seeded), *how.settings(dose), *method)
+                )

@@ -1,0 +1,64 @@
+"""Versions of a scene in a store, for tests of MLflow: a model that was trained and tested, with a curve and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aug3d_core.charts.scene_metrics import scene_metrics
+from aug3d_core.errors import Aug3dError
+from aug3d_core.folds import Step, stage_of
+from aug3d_core.nerf.summary import CHEAP
+from aug3d_core.stage import Metric
+from aug3d_core.store import layout
+from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import new_version, version_paths, write_metrics
+from aug3d_core.store.store import Store
+
+PICTURES = {"training": {"A panel": "panel.png"}, "evaluation": {"Test views": "panel.png"}}
+SERIES = {"training": {"train_psnr": ((1, 10.0), (2, 20.0)), "train_loss": ((1, 0.2), (2, 0.1))}}
+
+
+def made(store: Store, stage: str, key: str, config: Mapping[str, Any], **metrics: Metric) -> Record:
+    """Put an object into the store whose bytes are its key; what is there already is kept."""
+    if found := store.find(stage, key):
+        return found
+    files = store.work_dir(stage, key) / layout.FILES
+    files.mkdir(parents=True)
+    for name in (layout.MODEL_WEIGHTS, layout.MODEL_CONFIG, "panel.png"):
+        (files / name).write_text(key)
+    fields = {
+        "recipe": "r", "config": dict(config), "inputs": {}, "versions": {}, "metrics": metrics, "state": "ok", "notes": (),
+        "series": SERIES.get(stage, {}), "pictures": PICTURES.get(stage, {}), "seconds": 1.5, "peak_mib": 9.0,
+    }  # fmt: skip
+    return store.commit(files.parent, stage, key, fields)
+
+
+def version(
+    home: Path,
+    model: str = "a",
+    psnr: float = 21.5,
+    photos: str = "p",
+    rules: str = "c",
+    scene: str = "town",
+    cached: tuple[str, ...] = (),
+    failure: Aug3dError | None = None,
+) -> Path:
+    """Write a version whose model has a name for its bytes, and a score on some photographs by some rules."""
+    store = Store(home)
+    figures = {f"test_psnr_{name}": psnr for name in ("mean", "ci_low", "ci_high")} | {"test_ssim_mean": 0.5}
+    figures |= {f"group_{name}": psnr for name in ("best", "low", "average")} | {f"cheap_{name}": 9.0 for name in CHEAP}
+    figures |= {"test_views": 2, "test_photos": photos, "conventions": rules}
+    records = {
+        "dataset": made(store, "dataset", "d", {"image_px": 64}, views=4),
+        "training": made(store, "training", model, {"steps": 2, "hidden": 64}, train_psnr=20.0, stopped_by="steps"),
+        "evaluation": made(store, "evaluation", f"{model}{psnr}{photos}{rules}", {}, **figures),
+    }
+    steps = [(Step(stage_of(step)), record, store.files_dir(record)) for step, record in records.items()]
+    metrics = scene_metrics(scene, "tiny", "abc", 3.0, steps, cached, failure)
+    folder = new_version(store, scene)
+    metrics["paths"] = version_paths(store, folder, records)
+    (folder / layout.REPORT).write_text("<html>")
+    write_metrics(folder, metrics)
+    return folder

@@ -1,0 +1,73 @@
+"""Medians over seeds, what is on the front, and the cheapest that is enough."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aug3d_core.bench.trial import Trial
+from aug3d_core.store.record import Record
+from aug3d_core.tradeoff.arm import Arm, Result
+from aug3d_core.tradeoff.point import best, cheapest, on_front, points
+from aug3d_core.tradeoff.setting import POSE_ERROR, REPROJECTION, TEST_PSNR, Judge
+
+numbers = st.floats(0.1, 100, allow_nan=False)
+
+
+def result(
+    label: str, seconds: float, figure: float | None, seed: int = 0, judge: Judge = TEST_PSNR, test: str = "t"
+) -> Result:
+    metrics = {judge.figure: figure, judge.per or "x": 500.0}
+    costs: dict[str, Any] = {"cpu_seconds": seconds, "seconds": seconds, "peak_mib": 1.0}
+    record = Record.model_construct(stage=judge.stage, metrics=metrics, **costs)
+    records = {} if figure is None else {judge.stage: record}
+    mark = "preset" if label == "own" else ""
+    return Result(
+        Arm("panel", label, (), judge, stages=(judge.stage,), mark=mark),
+        seed,
+        Trial(records),
+        held_out={test: figure or 0.0},
+    )
+
+
+def test_a_point_is_the_median_of_the_seeds_that_have_a_figure() -> None:
+    [point] = points([result("a", s, f, i) for i, (s, f) in enumerate([(1, 20.0), (9, 30.0), (2, 21.0), (5, None)])])
+    assert point.accuracy == 21.0 and point.cpu_seconds == 2 and len(point.results) == 4
+    [lost] = points([result("a", 3.0, None)])
+    assert lost.accuracy is None and lost.gain is None and best([lost]) is None and cheapest([lost], 0) is None
+
+
+@given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=12))
+def test_the_cheapest_that_is_enough_is_on_the_front(drawn: list[tuple[float, float]]) -> None:
+    found = points([result(str(i), seconds, figure) for i, (seconds, figure) in enumerate(drawn)])
+    for wanted in (min(f for _, f in drawn), max(f for _, f in drawn)):
+        chosen = cheapest(found, wanted)
+        assert chosen is not None and (chosen.accuracy or 0.0) >= wanted
+        assert chosen.cpu_seconds in [point.cpu_seconds for point in on_front(found)]
+    top = best(found)
+    assert top is not None and top.accuracy == max(f for _, f in drawn)
+
+
+def test_less_error_is_more_gain() -> None:
+    found = points([result("a", 1.0, 0.5, judge=POSE_ERROR), result("b", 2.0, 0.1, judge=POSE_ERROR)])
+    assert [point.arm.label for point in on_front(found)] == ["a", "b"]
+    top = best(found)
+    assert top is not None and top.arm.label == "b"
+
+
+def test_a_lucky_single_seed_is_not_the_best() -> None:
+    found = points([result("lucky", 1.0, 30.0), result("sure", 1.0, 25.0), result("sure", 1.0, 25.0, seed=1)])
+    top = best(found)
+    assert top is not None and top.arm.label == "sure"
+
+
+def test_scores_of_another_test_than_the_scenes_own_are_not_compared() -> None:
+    found = points([result("own", 2.0, 20.0), result("odd", 1.0, 30.0, test="u"), result("same", 1.0, 19.0)])
+    assert [point.comparable for point in found] == [True, False, True]
+    assert [point.arm.label for point in on_front(found)] == ["same", "own"]
+
+
+def test_an_error_in_pixels_is_told_as_an_angle() -> None:
+    assert result("a", 1.0, 0.25, judge=REPROJECTION).accuracy == 0.0005

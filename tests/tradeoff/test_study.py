@@ -1,0 +1,174 @@
+"""A study finds the front, the cheapest that is enough and what auto loses; it goes on where it was, and says what failed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from tradeoff.stand_in import Made, Stages
+
+from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.scene_config import scene_config
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store
+from aug3d_core.store.usage import studies
+from aug3d_core.tradeoff.arm import FACTORY, Result
+from aug3d_core.tradeoff.findings import against_best, as_json, crashes, search_against_grid, table
+from aug3d_core.tradeoff.point import Point, below, on_front
+from aug3d_core.tradeoff.scene import open_scene
+from aug3d_core.tradeoff.setting import AS_THE_PAPER
+from aug3d_core.tradeoff.study import Studied, study_scene
+from aug3d_core.tradeoff.write import write_study
+
+
+def studied(
+    home: Path, quick: bool = True, seeds: int = 1, only: Sequence[str] = (), **more: float | bool | None
+) -> Studied:
+    scene = open_scene(Store(home), "demo", None)
+    target, search = more.get("target_db"), bool(more.get("search_only"))
+    return study_scene(Store(home), scene, quick, seeds, target, search, lambda *_: None, lambda *_: None, only)
+
+
+def test_the_cheapest_that_is_enough_is_on_the_front_and_the_search_ends_at_it(
+    stages: Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aug3d_core.tradeoff.study.setting_arms", lambda *_: [])
+    found = studied(tmp_path, quick=False, seeds=2)
+    assert found.best is not None and found.chosen is not None and found.target_db is not None
+    assert found.best.accuracy == pytest.approx(22.005) and found.target_db == pytest.approx(21.705)
+    assert found.chosen.arm in [point.arm for point in on_front(found.factory)]
+    assert "photos.max_px 320" in found.chosen.arm.label and "hidden" not in found.chosen.arm.label
+    assert found.search is not None and found.search.reached is not None
+    assert found.search.reached.psnr_db >= found.target_db
+    judged = search_against_grid(found)
+    assert judged["search_regret_db"] is not None and judged["search_regret_db"] <= 0.2
+    repeated = {point.arm.label: len(point.results) for point in found.factory}
+    assert repeated[found.best.arm.label] == repeated[found.chosen.arm.label] == 2 > min(repeated.values())
+    assert not any(stages.grew), "no time is flattered by what earlier runs made"
+
+
+def test_times_are_those_of_the_stages_that_users_pay_for(stages: Stages, tmp_path: Path) -> None:
+    found = studied(tmp_path)
+    own = next(point for point in found.factory if point.arm.mark == "preset")
+    costs = own.results[0].costs
+    assert not {"town", "truth", "mesh_truth"} & set(costs) and costs["matching"] == 75.0
+    assert own.cpu_seconds == pytest.approx(sum(costs.values())) and own.results[0].seconds * 2 == own.cpu_seconds
+
+
+def test_auto_is_held_against_the_best(stages: Stages, tmp_path: Path) -> None:
+    found = studied(tmp_path)
+    judged = against_best(found)
+    assert [one["field"] for one in as_json(found, "here")["decisions"]] == ["photos.max_px"]
+    assert judged["auto_regret_db"] == pytest.approx(0.0) and judged["auto_time_ratio"] == pytest.approx(1.0)
+
+
+def test_auto_is_held_against_the_best_on_the_photographs_that_both_were_judged_on(
+    stages: Stages, tmp_path: Path
+) -> None:
+    found = studied(tmp_path)
+    assert found.auto is not None and found.best is not None
+    auto, best = found.auto.results[0], found.best.results[0]
+    moved = Point(found.auto.arm, (replace(auto, held_out={"b": 20.0, "c": 21.0, "d": 22.0, "z": 99.0}),))
+    held = Point(found.best.arm, (replace(best, held_out={"a": 1.0, "b": 20.5, "c": 21.0, "d": 23.0}),))
+    assert below(moved, held) == pytest.approx(0.5)
+    assert below(Point(moved.arm, (replace(auto, held_out={"y": 20.0}),)), held) is None
+    alike = [Point(moved.arm, (replace(auto, held_out={"a": psnr}),)) for psnr in (20.0, 21.0)]
+    assert below(*alike) == pytest.approx(1.0), "the same test, however small"
+    assert found.test_photos == 4
+
+
+def test_chosen_panels_are_made_alone_and_told(stages: Stages, tmp_path: Path) -> None:
+    found = studied(tmp_path, quick=False, only=["the PAPER", "domes"], target_db=1.0)
+    assert {point.arm.panel for point in found.points} == {AS_THE_PAPER.name, "domes of virtual views"}
+    assert found.best is None and found.search is None and found.auto is None
+    page = (write_study(Store(tmp_path), found, "here") / layout.STUDY_PAGE).read_text()
+    assert "as the scene has it" in page and "see_pixels false" in page and "has a score" not in page
+    with pytest.raises(UsageError, match="no panel 'triangle' or 'faces'"):
+        studied(tmp_path, only=["triangle", "faces"])
+
+
+def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_path: Path) -> None:
+    stages.test_of = lambda made: (5, 6, 7) if made["training"]["coarse_samples"] == 4 else (1, 2, 3, 4)
+    found = studied(tmp_path)
+    odd = [point for point in found.factory if not point.comparable]
+    assert odd and all("coarse_samples 4" in point.arm.label for point in odd)
+    assert not set(map(id, odd)) & set(map(id, on_front(found.factory)))
+
+
+def test_a_second_study_makes_nothing_again_and_says_so(stages: Stages, tmp_path: Path) -> None:
+    studied(tmp_path)
+    stages.computed.clear()
+    found = studied(tmp_path)
+    state = as_json(found, "here")["cache"]
+    assert not stages.computed and state["found_made"] == state["outputs"] > 0
+
+
+def test_settings_that_are_refused_are_a_result_and_crashes_are_counted(stages: Stages, tmp_path: Path) -> None:
+    def fail(stage: str, made: Made) -> str:
+        if stage == "matching" and made["matching"]["max_features"] == 512:
+            return "refused: too few features"
+        return "crash: signal 11" if stage == "training" and made["training"]["hidden"] == 32 else ""
+
+    stages.fails = fail
+    found = studied(tmp_path)
+    told = as_json(found, "here")
+    assert told["crashes"] == crashes(found) > 0 and told["failed_runs"] > crashes(found)
+    assert "hidden" not in told["best"]["label"], "what crashed is not the best"
+    rows = table(found)
+    assert set(rows.loc[rows["accuracy"].isna(), "cause"]) == {"refused", "crash"}
+
+
+def test_a_full_disk_ends_the_study(stages: Stages, tmp_path: Path) -> None:
+    stages.fails = lambda stage, made: "disk: no space left" if stage == "depth" else ""
+    with pytest.raises(StoreError, match="no space left"):
+        studied(tmp_path)
+
+
+def test_where_nothing_has_a_score_there_is_nothing_to_choose(stages: Stages, tmp_path: Path) -> None:
+    stages.fails = lambda stage, made: "refused: no" if stage == "training" else ""
+    found = studied(tmp_path)
+    assert found.best is None and found.chosen is None and found.search is None
+    assert set(against_best(found).values()) | set(search_against_grid(found).values()) == {None}
+    write_study(Store(tmp_path), found, "here")
+
+
+def test_a_search_alone_tries_less_and_takes_a_target(stages: Stages, tmp_path: Path) -> None:
+    found = studied(tmp_path, quick=False, search_only=True, target_db=21.0)
+    assert {point.arm.panel for point in found.points} == {FACTORY}
+    assert found.search is not None and found.search.reached is not None
+    assert found.search.reached.psnr_db >= 21.0 and len(found.factory) < 48 / 2
+    assert studied(tmp_path, search_only=True).target_db == pytest.approx(20 + 1 + 60 / 1200 - 0.2)
+
+
+def test_the_folder_holds_data_chart_and_a_page_that_needs_no_network(stages: Stages, tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    found = studied(tmp_path)
+    folder = write_study(store, found, "a machine & more")
+    names = {layout.STUDY_FINDINGS, layout.STUDY_SCORES, layout.STUDY_CHART, layout.STUDY_PAGE, layout.STUDY_PART}
+    assert {path.name for path in folder.iterdir()} == names
+    rows = pd.read_parquet(folder / layout.STUDY_SCORES)
+    assert len(rows) == len(found.results) and {"cpu_seconds_training", "on_front", "chosen"} <= set(rows.columns)
+    page = (folder / layout.STUDY_PAGE).read_text()
+    assert 'src="http' not in page and "a machine &amp; more" in page and "as the scene has it" in page
+    held = studies(store)[0]
+    assert held.folder == folder and len(held.objects) == len(set(stages_and_keys(found.results))), (
+        "gc keeps what it used"
+    )
+
+
+def stages_and_keys(results: Sequence[Result]) -> list[tuple[str, str]]:
+    return [(stage, record.key) for result in results for stage, record in result.trial.records.items()]
+
+
+def test_a_quick_look_is_at_a_small_town_unless_the_user_says_how_large(stages: Stages, tmp_path: Path) -> None:
+    town = studied(tmp_path).scene.config().town
+    assert (
+        town.width_px < scene_config("tiny").town.width_px
+        and studied(tmp_path, quick=False).scene.config().town != town
+    )
+    scene = open_scene(Store(tmp_path), "demo", None).with_settings(["town.length_m=99"])
+    looked = study_scene(Store(tmp_path), scene, True, 1, None, False, lambda *_: None, lambda *_: None)
+    assert looked.scene.config().town == town.model_copy(update={"length_m": 99})
