@@ -28,7 +28,7 @@ _WIDTH = 140
 def study_stability(
     home: Home = HOME,
     only: Annotated[
-        list[str], typer.Option(metavar="WORDS", help="Only perturbations whose name holds these words; repeatable.")
+        list[str], typer.Option(metavar="WORDS", help="Only perturbations with words that begin so; repeatable.")
     ] = [],
     seeds: Seeds = 3,
     quick: Annotated[

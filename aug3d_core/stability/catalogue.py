@@ -33,14 +33,16 @@ PERTURBATIONS: tuple[Perturbation, ...] = (
 
 
 def chosen(only: Sequence[str], quick: bool) -> list[Perturbation]:
-    """Return the perturbations whose name holds one of some words, or those of a size; raises UsageError if none does."""
+    """Return the perturbations in whose name words begin as given, or those of a size; raises UsageError for words in none."""
     if not only:
         return [perturbation for perturbation in PERTURBATIONS if perturbation.quick or not quick]
-    found = [p for p in PERTURBATIONS if any(word.lower() in p.name for word in only)]
-    if not found:
-        names = ", ".join(p.name for p in PERTURBATIONS)
-        raise UsageError(f"there is no perturbation {' or '.join(map(repr, only))}", f"choose from: {names}")
-    return found
+    found = {words: {p.name for p in PERTURBATIONS if f" {words.lower()}" in f" {p.name.lower()}"} for words in only}
+    for words, names in found.items():
+        if not names:
+            choices = ", ".join(p.name for p in PERTURBATIONS)
+            raise UsageError(f"there is no perturbation {words!r}", f"choose from: {choices}")
+    wanted = set.union(*found.values())
+    return [p for p in PERTURBATIONS if p.name in wanted]
 
 
 def cells_of(perturbations: Sequence[Perturbation], seeds: int, quick: bool) -> list[Cell]:
