@@ -125,5 +125,6 @@ def test_a_perturbation_that_is_not_there_is_named_with_those_that_are() -> None
     assert {p.name for p in chosen(("Slope",), False)} >= {"slope", "village on a slope"}
     with pytest.raises(UsageError, match=r"no perturbation 'snow'[\s\S]*blur"):
         chosen(("Slope", "snow"), False)
-    with pytest.raises(UsageError, match="no perturbation 'rain'"):  # not "training in the dark": words are given from their start
+    # Words are given from their start: this is not "training in the dark"
+    with pytest.raises(UsageError, match="no perturbation 'rain'"):
         chosen(("rain",), False)
