@@ -59,7 +59,7 @@ def reconstruct(
             models = pycolmap.global_mapping(database, images, scratch, _global_options(config.seed))
         else:
             progress(0, len(photos), "photographs placed, part by part")
-            models = pycolmap.hierarchical_mapping(database, images, scratch, _hierarchical_options(config.seed))
+            models = _hierarchical(images, database, scratch, config.seed)
     found = [model for model in models.values() if model.num_reg_images() >= SMALLEST_MODEL]
     return Mapped(sorted(found, key=lambda model: (-model.num_reg_images(), -model.num_points3D())), mapper, reason)
 
@@ -99,6 +99,13 @@ def _incremental(
         initial_image_pair_callback=placed.restart,
         next_image_callback=placed.next,
     )
+
+
+def _hierarchical(images: Path, database: Path, scratch: str, seed: int) -> dict[int, pycolmap.Reconstruction]:
+    try:
+        return pycolmap.hierarchical_mapping(database, images, scratch, _hierarchical_options(seed))
+    except IndexError:  # how it tells that no part of the scene gave a model (pycolmap 4.2.1)
+        return {}
 
 
 def _incremental_options(seed: int) -> pycolmap.IncrementalPipelineOptions:

@@ -23,7 +23,7 @@ from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, mo
 from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
-_LEAST_PLACED = 0.75
+_LEAST_PLACED = 0.8
 _SPOT_NOTE = (
     "the camera may have turned on one spot rather than flown: without its focal length, or GPS, the photographs do not "
     "tell, and the reconstruction may be wrong altogether"

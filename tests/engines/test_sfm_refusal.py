@@ -48,10 +48,11 @@ def test_a_bare_field_has_no_texture(tmp_path: Path) -> None:
     assert "detail" in error["remedy"]
 
 
-def test_photographs_of_nothing_in_common_do_not_overlap(tmp_path: Path) -> None:
+@pytest.mark.parametrize("mapper", ["incremental", "global", "hierarchical"])
+def test_photographs_of_nothing_in_common_do_not_overlap(tmp_path: Path, mapper: str) -> None:
     for i in range(4):
         write_flight(tmp_path / "in", poses(1, 1), gps=False, seed=i, start=i)
-    error = run_sfm(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "sfm")
+    error = run_sfm(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "sfm", sfm={"mapper": mapper})
     assert "4 of them overlap with fewer than two others" in error["problem"]
     assert "overlap by 60 %" in error["remedy"]
 
