@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
 
+from aug3d_core.grouping.config import MOST_K
 from aug3d_core.grouping.shared_points import OVERLAPS
 
-MOST = 10  # the paper's better size
 _MOST_APART = 0.05  # share of members that may fail to overlap
 
 
@@ -28,13 +28,13 @@ def cluster_size(similarity: sparse.csr_array, candidates: Int[np.ndarray, " m"]
     At least two candidates are needed. Every one that overlaps with any other is taken for a centre once, with the views
     most similar to it.
     """
-    ranked = _ranked(similarity[candidates][:, candidates], min(MOST, len(candidates)) - 1)
+    ranked = _ranked(similarity[candidates][:, candidates], min(MOST_K, len(candidates)) - 1)
     ranked = ranked[ranked[:, 0] >= OVERLAPS]
     if not len(ranked):
         return 2, "no two views overlap"
     apart = np.cumsum((ranked < OVERLAPS).mean(axis=0)) / np.arange(1, ranked.shape[1] + 1)
     k = int(np.flatnonzero(apart <= _MOST_APART)[-1]) + 2
-    if k == MOST:
+    if k == MOST_K:
         return (
             k,
             f"{apart[-1]:.0%} of the members do not overlap with their centre, and more than the paper's {k} made models worse",

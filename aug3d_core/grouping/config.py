@@ -8,6 +8,8 @@ from pydantic import Field
 
 from aug3d_core.stage import StageConfig
 
+MOST_K = 10  # that `k=auto` comes to: the paper's better size
+
 
 class SimilarityConfig(StageConfig):
     """When two views count as connected."""
@@ -30,7 +32,7 @@ class GroupingConfig(StageConfig):
     )
     k: Annotated[int, Field(ge=2, le=100)] | Literal["auto"] = Field(
         default=10,
-        description="Views in a group (K), its centre among them; auto: as many as overlap, at most 20.",
+        description=f"Views in a group (K), its centre among them; auto: as many as overlap, at most {MOST_K}.",
     )
     groups: int = Field(
         default=64, ge=1, le=100_000, description="Most training groups; never more than training views."
