@@ -1,4 +1,8 @@
-"""Measure doming: the bend of a flight that distortion and depth trade for each other, against the altitudes of GPS."""
+"""Measure doming: the bend of a flight that distortion and depth trade for each other.
+
+Against the altitudes of GPS; or, where all cameras look the same way, by how they lean: bent like a bowl, each leans outward in
+proportion to its distance from the middle.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from aug3d_core.geometry.transforms import centres
+
 # A bowl of 1 % of the extent leans at its rim by 4 %, 2.3 degrees: more than the 1.5 degrees of doubt about the vertical
 # at which `align` stops believing GPS altitudes. The town, unbent, has some hundredths of a percent.
 MOST_PCT = 1.0
 
 _FEWEST = 8
 _ROUNDS = 30
+_PARALLEL_DEG, _ALIKE_DEG = 10.0, 3.0  # off their common direction, and off it and the bend, in the median
 
 
 @dataclass(frozen=True)
 class Doming:
-    """Height of the bowl over the flight's extent, and its standard error, in percent of that extent."""
+    """Height of the bowl over the flight's extent, and its standard error, in percent of that extent; what told of it."""
 
     pct: float
     sigma_pct: float
+    told_by: str = "camera heights leave GPS altitudes"
 
     @property
     def flagged(self) -> bool:
@@ -33,8 +41,8 @@ class Doming:
         if not self.flagged:
             return ()
         return (
-            f"the reconstruction is bent like a {'bowl' if self.pct > 0 else 'dome'}: camera heights leave GPS altitudes "
-            f"by {abs(self.pct):.1f} % of the flight's extent; photographs at an angle, or a second height, would hold it",
+            f"the reconstruction is bent like a {'bowl' if self.pct > 0 else 'dome'}: {self.told_by} by {abs(self.pct):.1f} % "
+            "of the flight's extent; photographs at an angle, or a second height, would hold it",
         )
 
 
@@ -63,3 +71,31 @@ def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n
     covariance = np.linalg.pinv(basis[used].T @ basis[used])
     doming = Doming(100 * float(fit[3]) / extent, 100 * scale * float(np.sqrt(covariance[3, 3])) / extent)
     return doming if doming.sigma_pct <= MOST_PCT else None
+
+
+def doming_by_lean(cam_from_world: Float[np.ndarray, "n 3 4"]) -> Doming | None:
+    """Fit the cameras' directions by one common direction and a lean away from the middle; scale and level do not matter.
+
+    None if there are too few, if they are in one place, or if they do not look the same way but for such a lean.
+    """
+    at, axes = centres(cam_from_world), cam_from_world[:, 2, :3]
+    common = axes.mean(axis=0)
+    if len(at) < _FEWEST or not common.any():
+        return None
+    across = np.linalg.svd(common[None])[2][1:].T  # two directions at right angles to the common one
+    place, lean = (at - at.mean(axis=0)) @ across, (axes - common) @ across
+    extent = float(np.linalg.norm(np.ptp(place, axis=0)))
+    spread = (place**2).sum()
+    if extent == 0 or _median_deg(lean) > _PARALLEL_DEG:
+        return None
+    rise = float((place * lean).sum() / spread)
+    rest = lean - rise * place
+    if _median_deg(rest) > _ALIKE_DEG:
+        return None
+    sigma = float(np.sqrt((rest**2).sum() / (rest.size - 3) / spread))
+    to_pct = 100 * extent / 8  # of a parabola that leans by `rise` times the distance, over half the extent
+    return Doming(to_pct * rise, to_pct * sigma, "cameras that look the same way lean as on heights that differ")
+
+
+def _median_deg(leans: Float[np.ndarray, "n 2"]) -> float:
+    return float(np.degrees(np.median(np.linalg.norm(leans, axis=1))))

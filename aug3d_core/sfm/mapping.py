@@ -12,13 +12,18 @@ keeps the careful method and cuts the scene into parts.
 
 from __future__ import annotations
 
+import copy
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pycolmap
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
+from aug3d_core.sfm import export
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.stage import Progress
 
@@ -28,6 +33,9 @@ THREADS = 1
 _MANY = 250  # photographs
 _PART = 100  # photographs in a part of hierarchical mapping
 _SHARED = 25  # photographs that two parts have in common
+# Points in common that hold two photographs, or two parts, together: what COLMAP itself asks of a pair, and of a photograph
+# that is to be added to a model
+_LINK_OF_TWO, _LINK_OF_PARTS = 15, 30
 
 
 @dataclass(frozen=True)
@@ -60,8 +68,39 @@ def reconstruct(
         else:
             progress(0, len(photos), "photographs placed, part by part")
             models = _hierarchical(images, database, scratch, config.seed)
-    found = [model for model in models.values() if model.num_reg_images() >= SMALLEST_MODEL]
+    parts = [part for model in models.values() for part in parts_of(model)]
+    found = [model for model in parts if model.num_reg_images() >= SMALLEST_MODEL]
     return Mapped(sorted(found, key=lambda model: (-model.num_reg_images(), -model.num_points3D())), mapper, reason)
+
+
+def parts_of(model: pycolmap.Reconstruction) -> list[pycolmap.Reconstruction]:
+    """Return a model as the parts that points hold together.
+
+    Global mapping puts islands into one model, each wherever it happens to be: 23 photographs of two halves of a town, 60 m
+    apart, were "all placed", half of them on their sides.
+    """
+    images = export.registered(model)
+    seen = [np.unique([point.point3D_id for point in image.get_observation_points2D()]) for image in images]
+    points, row = np.unique(np.concatenate(seen), return_inverse=True)
+    sees = sparse.csr_array(
+        (np.ones(len(row), np.int64), (np.repeat(np.arange(len(images)), [*map(len, seen)]), row)),
+        shape=(len(images), len(points)),
+    )
+    _, part = connected_components(sees @ sees.T >= _LINK_OF_TWO, directed=False)
+    of_parts = sparse.csr_array((np.ones(len(part), np.int64), (part, np.arange(len(part))))) @ sees > 0
+    shared = of_parts.astype(np.int64) @ of_parts.T.astype(np.int64)
+    count, held = connected_components(shared >= _LINK_OF_PARTS, directed=False)
+    if count == 1:
+        return [model]
+    return [_only(model, {images[at].frame_id for at in np.flatnonzero(held[part] == each)}) for each in range(count)]
+
+
+def _only(model: pycolmap.Reconstruction, frames: set[int]) -> pycolmap.Reconstruction:
+    part = copy.deepcopy(model)
+    for frame in part.reg_frame_ids():
+        if frame not in frames:
+            part.deregister_frame(frame)
+    return part
 
 
 def choose_mapper(asked: str, photos: int, focal_known: bool) -> tuple[str, str]:

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align
-from aug3d_core.sfm.doming import Doming, measure_doming
+from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
 from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
 from aug3d_core.stage import Metric
@@ -88,11 +88,13 @@ def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
 
 
 def flight_doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame) -> Doming | None:
-    """Return the bend of the reconstructed flight, None where GPS cannot tell it."""
-    if not alignment.metric:
-        return None
-    gps_enu_m = np.where(np.isfinite(photos[["alt_m"]]), gps_positions(photos)[0], np.nan)
-    return measure_doming(centres(arrays.views.cam_from_world), gps_enu_m[arrays.views.photo_id])
+    """Return the bend of the reconstructed flight by what tells it best, None where nothing does."""
+    poses = arrays.views.cam_from_world
+    found = [doming_by_lean(poses)]
+    if alignment.metric:
+        gps_enu_m = np.where(np.isfinite(photos[["alt_m"]]), gps_positions(photos)[0], np.nan)
+        found.append(measure_doming(centres(poses), gps_enu_m[arrays.views.photo_id]))
+    return min((one for one in found if one), key=lambda one: one.sigma_pct, default=None)
 
 
 def model_metrics(

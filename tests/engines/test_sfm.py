@@ -18,6 +18,8 @@ from PIL import Image
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.stage import run as take_in
 
 pytestmark = pytest.mark.slow
 
@@ -110,6 +112,16 @@ def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str,
     assert files == sorted(path.relative_to(second) for path in second.rglob("*.*"))
     for file in files:
         assert cmp(first / file, second / file, shallow=False), file
+
+
+def test_photographs_held_together_by_few_points_are_doubted(
+    flown: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    (tmp_path / "photos").mkdir()
+    take_in({"folder": flown[0] / "in"}, PhotosConfig(max_px=100), tmp_path / "photos", lambda done, total, what: None)
+    outcome = run_sfm(tmp_path / "photos", tmp_path / "sfm", max_features=256)
+    assert outcome["state"] == "degraded"
+    assert any("points or fewer, below 100" in note for note in outcome["notes"])
 
 
 def test_without_gps_the_world_is_level_scene_units(tmp_path: Path) -> None:

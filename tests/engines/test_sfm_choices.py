@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pycolmap
 import pytest
 from engines.little_scene import FOCAL_PX, poses, write_flight
 from engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
 
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.sfm.mapping import choose_mapper
+from aug3d_core.sfm import export
+from aug3d_core.sfm.mapping import choose_mapper, parts_of
 
 pytestmark = pytest.mark.slow
 
@@ -73,6 +75,19 @@ def test_auto_maps_many_photographs_another_way() -> None:
     assert choose_mapper("auto", 251, focal_known=True)[0] == "global"
     assert choose_mapper("auto", 251, focal_known=False)[0] == "hierarchical"
     assert choose_mapper("global", 3, focal_known=False) == ("global", "asked for")
+
+
+@pytest.mark.parametrize(("left", "sizes"), [(0, [8, 6]), (10, [8, 6]), (60, [14])])
+def test_a_model_is_no_more_than_its_points_hold_together(flown: Path, left: int, sizes: list[int]) -> None:
+    model = pycolmap.Reconstruction(flown / "before" / "files" / "model")
+    half = {image.image_id for image in export.registered(model)[:8]}
+    seen_by = {i: {element.image_id for element in point.track.elements} for i, point in model.points3D.items()}
+    across = [i for i, images in seen_by.items() if images & half and images - half]
+    for point in across[left:]:
+        model.delete_point3D(point)
+    parts = parts_of(model)
+    assert [part.num_reg_images() for part in parts] == sizes
+    assert all(part.num_points3D() > 100 for part in parts)
 
 
 @pytest.mark.parametrize("mapper", ["global", "hierarchical"])
