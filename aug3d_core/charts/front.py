@@ -94,16 +94,14 @@ def front(seconds: Sequence[float], gain: Sequence[float]) -> list[int]:
     return chosen
 
 
-def near(x: ArrayLike, y: ArrayLike) -> list[list[int]]:
+def near(x: ArrayLike, y: ArrayLike, wide: float = _LABEL_WIDE) -> list[list[int]]:
     """Return the points in groups that lie too close together on a panel for a label each."""
     at = np.column_stack([x, y]).astype(float)
     at = (at - at.min(axis=0, initial=np.inf)) / np.maximum(np.ptp(at, axis=0) if len(at) else 1.0, 1e-9)
     groups: list[list[int]] = []
     for index in np.lexsort(at.T):
         close = (
-            g
-            for g in groups
-            if abs(at[g[0]] - at[index])[0] < _LABEL_WIDE and abs(at[g[0]] - at[index])[1] < _LABEL_HIGH
+            g for g in groups if abs(at[g[0]] - at[index])[0] < wide and abs(at[g[0]] - at[index])[1] < _LABEL_HIGH
         )
         group = next(close, None)
         if group is None:
@@ -127,23 +125,25 @@ def ticks(values: Sequence[float]) -> list[float]:
 
 
 def draw(panels: Sequence[Panel], title: str, path: Path) -> None:
-    """Write the chart as PNG: the first panel as wide as all if it is not labelled, the others in columns."""
-    wide = [panel for panel in panels if not panel.labelled]
-    small = [panel for panel in panels if panel.labelled]
-    rows = -(-len(small) // _COLUMNS)
-    figure = Figure(figsize=(5.2 * _COLUMNS, 5.6 * len(wide) + 3.9 * rows + 0.6), layout="constrained")
+    """Write the chart as PNG: panels in columns, but one that is alone or not labelled as wide as all."""
+    wide = [panel for panel in panels if not panel.labelled or len(panels) == 1]
+    small = [panel for panel in panels if panel not in wide]
+    columns = _COLUMNS if wide else min(len(small), _COLUMNS)
+    rows = -(-len(small) // columns)
+    figure = Figure(figsize=(5.2 * columns, 5.6 * len(wide) + 3.9 * rows + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
     heights = [5.6] * len(wide) + [3.9] * rows
-    grid = figure.add_gridspec(len(heights), _COLUMNS, height_ratios=heights)
+    grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
     for row, panel in enumerate(wide):
-        _panel(figure.add_subplot(grid[row, :]), panel)
+        # The names of whole configurations are long
+        _panel(figure.add_subplot(grid[row, :]), panel, _LABEL_WIDE / columns if panel.labelled else _LABEL_WIDE)
     for index, panel in enumerate(small):
-        _panel(figure.add_subplot(grid[len(wide) + index // _COLUMNS, index % _COLUMNS]), panel)
+        _panel(figure.add_subplot(grid[len(wide) + index // columns, index % columns]), panel)
     figure.savefig(path, dpi=110, metadata={"Software": None})
 
 
-def _panel(axes: Axes, panel: Panel) -> None:
+def _panel(axes: Axes, panel: Panel, label_wide: float = _LABEL_WIDE) -> None:
     axes.set(title=panel.title, xlabel="processor seconds", xscale="log")
     axes.set_ylabel(panel.axis_name, size=8)
     if panel.log_y:
@@ -154,7 +154,7 @@ def _panel(axes: Axes, panel: Panel) -> None:
     axes.step([d.seconds for d in best], [d.accuracy or 0.0 for d in best], where="post", color=FRONT, zorder=1)
     for dot in panel.done:
         _dot(axes, dot)
-    _labels(axes, panel)
+    _labels(axes, panel, label_wide)
     _floor(axes, panel)
     axes.set_xticks(ticks(panel.span_s))
     axes.xaxis.set_major_formatter("{x:g}")
@@ -177,12 +177,12 @@ def _dot(axes: Axes, dot: Dot) -> None:
     axes.scatter(dot.seconds, y, s=size, marker=_SHAPES[dot.mark], facecolor=face, edgecolor=colour, zorder=3)
 
 
-def _labels(axes: Axes, panel: Panel) -> None:
+def _labels(axes: Axes, panel: Panel, wide: float) -> None:
     """Write labels, to the side where there is room; dots that lie close together share one."""
     named = [dot for dot in panel.done if panel.labelled or dot.mark or dot in panel.on_front]
     seconds, accuracy = [dot.seconds for dot in named], [dot.accuracy or 0.0 for dot in named]
     middle = np.sqrt(min(panel.span_s) * max(panel.span_s))
-    for together in near(np.log(np.maximum(seconds, _LEAST_S)), np.log(accuracy) if panel.log_y else accuracy):
+    for together in near(np.log(np.maximum(seconds, _LEAST_S)), np.log(accuracy) if panel.log_y else accuracy, wide):
         text = "\n".join(named[i].label for i in together)
         at = seconds[together[0]], accuracy[together[0]]
         left = not panel.labelled and at[0] > middle  # the long names of configurations
