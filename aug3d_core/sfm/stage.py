@@ -24,7 +24,9 @@ from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
 _LEAST_PLACED = 0.8
-_FEW_POINTS = 100  # seen by a photograph, in the median: 50 and 16 had poses off by 4 and 41 degrees, 125 by 0.7
+# Below either, lens and poses hold each other up: five photographs had poses off by 4 degrees, six by 0.7, eight by 0.2; 50
+# and 16 points in a photograph (the median) by 4 and 41, 125 by 0.7 (`aug3d study stability --only overlap`)
+_FEW_PLACED, _FEW_POINTS = 8, 100
 _SPOT_NOTE = (
     "the camera may have turned on one spot rather than flown: without its focal length, or GPS, the photographs do not "
     "tell, and the reconstruction may be wrong altogether"
@@ -57,7 +59,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     metrics |= {"components": len(mapped.models), "grown_from": len(earlier.images) if earlier else 0}
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     seen = float(np.median(np.bincount(arrays.tracks.view, minlength=len(arrays.views))))
-    loose = seen < _FEW_POINTS
+    loose = len(arrays.views) < _FEW_PLACED or seen < _FEW_POINTS
     bent = doming is not None and doming.flagged
     doubtful = may_be_one_spot and chosen.focal_from != EXIF and not alignment.metric
     return Outcome(
@@ -68,17 +70,17 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
             *alignment_notes(alignment),
             *(doming.notes if doming else ()),
             *((_SPOT_NOTE,) if doubtful else ()),
-            *((_loose_note(seen),) if loose else ()),
+            *((_loose_note(len(arrays.views), seen),) if loose else ()),
             *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),
         ),
         pictures={"Points and cameras from above": layout.SFM_MAP},
     )
 
 
-def _loose_note(seen: float) -> str:
+def _loose_note(placed: int, seen: float) -> str:
     return (
-        f"half of the photographs see {seen:.0f} points or fewer, below {_FEW_POINTS}: their poses may be off by degrees; "
-        "more overlap, or sharper photographs, would hold them"
+        f"{placed} photographs that see {seen:.0f} points hold the lens and each other loosely (wanted: {_FEW_PLACED} and "
+        f"{_FEW_POINTS}): poses may be off by degrees; more photographs, more overlap, or sharper ones would hold them"
     )
 
 

@@ -121,7 +121,7 @@ def test_photographs_held_together_by_few_points_are_doubted(
     take_in({"folder": flown[0] / "in"}, PhotosConfig(max_px=100), tmp_path / "photos", lambda done, total, what: None)
     outcome = run_sfm(tmp_path / "photos", tmp_path / "sfm", max_features=256)
     assert outcome["state"] == "degraded"
-    assert any("points or fewer, below 100" in note for note in outcome["notes"])
+    assert any("12 photographs that see" in note and "loosely (wanted: 8 and 100)" in note for note in outcome["notes"])
 
 
 def test_without_gps_the_world_is_level_scene_units(tmp_path: Path) -> None:
