@@ -20,25 +20,29 @@ from aug3d_core.grouping.config import MOST_K
 from aug3d_core.grouping.shared_points import OVERLAPS
 
 _MOST_APART = 0.05  # share of members that may fail to overlap
+_LEAST = 4  # three views to look from, as every preset has it, and one to predict
 
 
 def cluster_size(similarity: sparse.csr_array, candidates: Int[np.ndarray, " m"]) -> tuple[int, str]:
-    """Return the largest K (2 to 10) at which at most 5 % of members do not overlap with their centre, and why.
+    """Return the largest K (4 to 10) at which at most 5 % of members do not overlap with their centre, and why.
 
-    At least two candidates are needed. Every one that overlaps with any other is taken for a centre once, with the views
-    most similar to it.
+    Fewer than 4 where there are fewer, 2 where nothing overlaps. At least two candidates are needed. Every one that overlaps
+    with any other is taken for a centre once, with the views most similar to it.
     """
     ranked = _ranked(similarity[candidates][:, candidates], min(MOST_K, len(candidates)) - 1)
     ranked = ranked[ranked[:, 0] >= OVERLAPS]
     if not len(ranked):
         return 2, "no two views overlap"
     apart = np.cumsum((ranked < OVERLAPS).mean(axis=0)) / np.arange(1, ranked.shape[1] + 1)
-    k = int(np.flatnonzero(apart <= _MOST_APART)[-1]) + 2
+    overlapping = int(np.flatnonzero(apart <= _MOST_APART)[-1]) + 2
+    k = max(overlapping, min(_LEAST, len(candidates)))
     if k == MOST_K:
         return (
             k,
             f"{apart[-1]:.0%} of the members do not overlap with their centre, and more than the paper's {k} made models worse",
         )
+    if k > overlapping:
+        return k, f"{apart[k - 2]:.0%} of the members do not overlap with their centre, but fewer leave none to predict"
     if k == len(candidates):
         return k, f"there are {k} views"
     return (

@@ -14,11 +14,18 @@ def clusters(count: int, size: int, alike: float = 0.4) -> sparse.csr_array:
     return sparse.csr_array(np.kron(np.eye(count), np.full((size, size), alike) + (1 - alike) * np.eye(size)))
 
 
-@pytest.mark.parametrize("size", [3, 6, 9])
+@pytest.mark.parametrize("size", [4, 6, 9])
 def test_clusters_are_found_whole(size: int) -> None:
     k, reason = cluster_size(clusters(4, size), np.arange(4 * size))
     assert k == size
     assert f"with {size + 1} it would be" in reason
+
+
+def test_three_are_looked_from_and_one_is_predicted_however_few_overlap() -> None:
+    k, reason = cluster_size(clusters(4, 3), np.arange(12))
+    assert k == 4
+    assert reason == "33% of the members do not overlap with their centre, but fewer leave none to predict"
+    assert cluster_size(clusters(1, 3), np.arange(3)) == (3, "there are 3 views")
 
 
 def test_ten_is_the_most() -> None:
