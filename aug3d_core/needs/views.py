@@ -22,14 +22,12 @@ def domes(known: Known) -> Decision | None:
     preset = known.config.sampling.domes
     members = known.config.sampling.views_per_dome or int(k)  # fewer than K are refused: a dome is packed as a group
     why_none = _why_none(known)
-    value = 1 if why_none else math.ceil(own / members)
+    value = 0 if why_none else math.ceil(own / members)
     return Decision(
         field="sampling.domes",
         value=value,
         measured=f"{own} of {count} training photographs show something of their own; {members} views a dome; {_told(known)}",
-        rule=f"one dome, which training does not look at: {why_none}"
-        if why_none
-        else "as many virtual views as such photographs",
+        rule=f"none: {why_none}" if why_none else "as many virtual views as such photographs",
         saves=f"{preset - value} of the preset's {preset} domes" if value < preset else "",
         costs="less of the surface is seen from new directions" if value < preset else "",
     )

@@ -28,7 +28,10 @@ class SamplingConfig(StageConfig):
     width_px: int = Field(default=96, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
     height_px: int = Field(default=72, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
     domes: int = Field(
-        default=16, ge=1, le=100_000, description="Most domes (count); choice: coverage may find that fewer do."
+        default=16,
+        ge=0,
+        le=100_000,
+        description="Most domes (count), 0 for none; choice: coverage may find that fewer do.",
     )
     views_per_dome: int | None = Field(
         default=None,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import fields
 
 import numpy as np
 import pandas as pd
 
 from aug3d_core.geometry.transforms import invert
-from aug3d_core.sampling.cameras import Plan
+from aug3d_core.sampling.cameras import Dome, Plan
 from aug3d_core.sampling.choice import Choice, views_ratio
 from aug3d_core.sampling.conditioning import lacks
 from aug3d_core.sampling.config import SamplingConfig
@@ -23,7 +24,10 @@ FEW_DOMES = 0.5  # of those wanted: below this the outcome is degraded
 
 def dome_table(planned: Plan) -> pd.DataFrame:
     """Return one row per place; `dome_id` is -1 where no dome stands, `rejected_*` count cameras that were no use."""
-    rows = pd.DataFrame([vars(dome) | _rejected(dome.rejected) for dome in planned.domes])
+    names = [field.name for field in fields(Dome)]
+    rows = pd.DataFrame(
+        [vars(dome) | _rejected(dome.rejected) for dome in planned.domes] or {name: [] for name in names}
+    )
     used = rows["views"] > 0
     rows.insert(0, "dome_id", np.where(used, used.cumsum() - 1, -1))
     return rows.drop(columns="rejected")
@@ -78,6 +82,8 @@ def _rejected(rejected: Mapping[str, int]) -> dict[str, int]:
 
 def warnings(planned: Plan, figures: Mapping[str, Metric], config: SamplingConfig, eased: float) -> tuple[str, ...]:
     """Return what went wrong; `eased` is the share asked for of what the settings ask for."""
+    if not config.domes:
+        return ()
     standing, covered = sum(dome.views > 0 for dome in planned.domes), 100 * config.min_view_covered
     if not standing:
         return (
@@ -102,6 +108,8 @@ def warnings(planned: Plan, figures: Mapping[str, Metric], config: SamplingConfi
 
 def remarks(planned: Plan, kept: Choice, config: SamplingConfig) -> tuple[str, ...]:
     """Return what is good to know where nothing went wrong."""
+    if not config.domes:
+        return ("no virtual views are wanted (sampling.domes is 0)",)
     if len(planned.cameras) and not kept.domes:
         reached = 100 * float(kept.curve.points[0])
         return (

@@ -13,6 +13,7 @@ from aug3d_core.sampling.chart import draw_coverage, draw_map
 from aug3d_core.sampling.choice import Choice, as_drawn, by_coverage, together
 from aug3d_core.sampling.config import SamplingConfig
 from aug3d_core.sampling.methods import METHODS
+from aug3d_core.sampling.place import plan_of
 from aug3d_core.sampling.reach import Reach
 from aug3d_core.sampling.read import read_mesh, train_photos, views_per_dome
 from aug3d_core.sampling.report import dome_table, figures, remarks, tally, warnings, worst_views
@@ -80,6 +81,8 @@ def _plan(surface: Raycaster, site: Site, config: SamplingConfig) -> tuple[Plan,
 
     A hole in a rendered view does no harm: the data set masks it.
     """
+    if not config.domes:
+        return plan_of([], site), 1.0
     for eased in EASED:
         planned = METHODS[config.method](surface, site, _easier(config, eased), np.random.default_rng(config.seed))
         if len(planned.cameras):

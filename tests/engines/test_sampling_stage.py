@@ -116,6 +116,14 @@ def test_where_every_camera_is_rejected_there_are_no_views_and_the_reason_is_tol
     assert outcome.metrics["views_planned"] == 0 < outcome.metrics["rejected_too_near"]
 
 
+def test_none_are_planned_where_none_are_wanted(sample):
+    outcome = sample(town(), WANTED.model_copy(update={"domes": 0}))
+    assert (outcome.state, outcome.notes) == ("ok", ("no virtual views are wanted (sampling.domes is 0)",))
+    assert len(Cameras.load(sample.out / layout.CAMERAS)) == 0
+    assert pd.read_parquet(sample.out / layout.DOME_TABLE).empty
+    assert outcome.metrics["views_planned"] == 0 < outcome.metrics["photos_reach_share"]
+
+
 def test_a_tower_alone_has_no_domes_and_says_so(sample):
     """As an orbit around a tower leaves it: no ground, and nothing behind it in any view."""
     mesh = town(tower=60.0)

@@ -145,14 +145,14 @@ def test_as_many_virtual_views_as_photographs_unless_the_mesh_is_bad(store: Stor
     assert settled(store, "training").rendered_share == 0.5
     poor: list[dict[str, Any]] = [{"surface__render_psnr": 15.0}, {"surface__covered_share": 0.3}]
     for bad in poor:
-        assert settled(store, "sampling", **bad).domes == 1
+        assert settled(store, "sampling", **bad).domes == 0
         assert settled(store, "training", **bad).rendered_share == 0
     assert settled(store, "training", dataset__groups_rendered=0).rendered_share == 0
 
 
 def test_nothing_is_rendered_for_photographs_that_overlap_in_tens(store: Store) -> None:
     plenty = {"grouping__k": 10}
-    assert settled(store, "sampling", **plenty).domes == 1
+    assert settled(store, "sampling", **plenty).domes == 0
     assert settled(store, "training", **plenty).rendered_share == 0
     assert settled(store, "sampling", grouping__k=6).domes == 6, "fewer than ten overlap: new directions are wanted"
     assert settled(store, "training", grouping__k=20).rendered_share == 0.5, (
