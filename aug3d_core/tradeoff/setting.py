@@ -29,7 +29,7 @@ class Setting:
 
     fields: what it sets, `stage.field`, all alike. values: as written, or `x2/3`: times what the scene has.
     stages: those whose time is charted; they need not be all that run. truth: the judge on the town; else `stand_in`.
-    seeded: settings that a repeat sets to its number.
+    seeded: settings that a repeat sets to its number; none where seeds change nothing, as with poses (1e-11 % of the extent).
     """
 
     name: str
@@ -60,11 +60,11 @@ OVER_CHEAP = Judge("evaluation", "over_best_cheap_db", "PSNR over the best cheap
 
 
 def _poses(name: str, field: str, values: tuple[str, ...], stages: tuple[str, ...] = ("matching", "sfm")) -> Setting:
-    return Setting(name, (field,), values, stages, POSE_ERROR, REPROJECTION, ("matching.seed", "sfm.seed"))
+    return Setting(name, (field,), values, stages, POSE_ERROR, REPROJECTION, ())
 
 
 def _mesh(name: str, field: str, values: tuple[str, ...], stages: tuple[str, ...], truth: Judge) -> Setting:
-    return Setting(name, (field,), values, stages, truth, HELD_OUT_PSNR, ("sfm.seed",))
+    return Setting(name, (field,), values, stages, truth, HELD_OUT_PSNR, ())
 
 
 def _views(

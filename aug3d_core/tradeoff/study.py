@@ -107,12 +107,13 @@ def study_scene(
 
 
 def _first(scene: StudiedScene, quick: bool, seeds: int, search_only: bool) -> Iterable[tuple[Arm, int]]:
-    """Yield what is made whatever comes out: every setting with every seed, the grid once, the scene's own, and `auto`."""
+    """Yield what is made whatever comes out: every setting, the grid once, the scene's own, and `auto`."""
     config = scene.config()
     grid = grid_arms(config, quick)
     own = [arm for arm in grid if arm.mark == "preset"]
     if not search_only:
-        yield from ((arm, seed) for arm in setting_arms(config, scene.town, quick) for seed in range(seeds))
+        settings = setting_arms(config, scene.town, quick)
+        yield from ((arm, seed) for arm in settings for seed in range(seeds if arm.seeded else 1))
         yield from ((arm, 0) for arm in grid if arm.mark != "preset")
     yield from ((arm, seed) for arm in (*own, auto_arm()) for seed in range(1 if search_only else seeds))
 

@@ -50,6 +50,15 @@ def test_the_cheapest_that_is_enough_is_on_the_front_and_the_search_ends_at_it(
     assert not any(stages.grew), "no time is flattered by what earlier runs made"
 
 
+@pytest.mark.usefixtures("stages")
+def test_repeats_are_made_where_seeds_matter(tmp_path: Path) -> None:
+    found = studied(tmp_path, quick=False, seeds=2, only=("mapper", "render samples"))
+    repeats = {
+        panel: {len(p.results) for p in found.points if p.arm.panel == panel} for panel in ("mapper", "render samples")
+    }
+    assert repeats == {"mapper": {1}, "render samples": {2}}
+
+
 def test_times_are_those_of_the_stages_that_users_pay_for(stages: Stages, tmp_path: Path) -> None:
     found = studied(tmp_path)
     own = next(point for point in found.factory if point.arm.mark == "preset")
