@@ -62,7 +62,9 @@ def study_stability(
             folder = write_study(store, found)
             from tasks.study_stability import log_stability  # Prefect and MLflow read their settings when imported
 
-            console.print(f"map, page and data are written; telling MLflow of {len(results):,} runs ...", highlight=False)
+            console.print(
+                f"map, page and data are written; telling MLflow of {len(results):,} runs ...", highlight=False
+            )
             if why := log_stability(store, found, folder):
                 console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
             if as_json:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,10 +20,16 @@ from aug3d_core.store.store import Store, write_synced
 
 def new_version(store: Store, scene: str) -> Path:
     """Create the folder of a new version, named by the time in UTC so that names sort."""
-    name = datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S.%f")[:-3]
-    folder = store.root / layout.SCENES / check_scene_name(scene) / name
-    folder.mkdir(parents=True)
-    return folder
+    versions = store.root / layout.SCENES / check_scene_name(scene)
+    versions.mkdir(parents=True, exist_ok=True)
+    while True:
+        folder = versions / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S.%f")[:-3]
+        try:
+            folder.mkdir()
+        except FileExistsError:  # another version of the same millisecond
+            time.sleep(1e-3)
+        else:
+            return folder
 
 
 def write_metrics(version: Path, metrics: dict[str, Any]) -> None:

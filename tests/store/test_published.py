@@ -30,6 +30,11 @@ def test_what_is_published_is_found_until_another_is(tmp_path: Path) -> None:
         assert published(store, "town") == version
 
 
+def test_versions_made_in_one_breath_are_told_apart_and_in_order(tmp_path: Path) -> None:
+    names = [new_version(Store(tmp_path), "town").name for _ in range(20)]
+    assert names == sorted(set(names))
+
+
 def test_a_name_cannot_leave_the_folder(tmp_path: Path) -> None:
     store = Store(tmp_path)
     with pytest.raises(UsageError):
