@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = ("aug3d_core", "tasks", "flows")
 DOORS = {
     "pycolmap": {"aug3d_core/sfm", "aug3d_core/depth", "aug3d_core/formats/colmap.py"},
-    "cv2": {"aug3d_core/depth"},
+    "cv2": {"aug3d_core/depth", "aug3d_core/photos/redundant.py"},
     "open3d": {"aug3d_core/surface"},
     "bpy": {"aug3d_core/rendering"},
     "torch": {"aug3d_core/nerf", "aug3d_core/formats/torch_files.py", "aug3d_core/sampling/sam_worker.py"},

@@ -28,6 +28,20 @@ def _nothing(_: Record) -> Iterator[Decision]:
     yield from ()
 
 
+def _photos(record: Record) -> Iterator[Decision]:
+    m, least = record.metrics, _number(record.config.get("least_motion"))
+    kept, redundant = _number(m.get("photos")), _number(m.get("redundant"))
+    if not least or kept is None or redundant is None:
+        return
+    yield Decision(
+        field="photos.worth_using",
+        value=f"{kept:.0f} of {kept + redundant:.0f}",
+        measured=f"{redundant:.0f} show what the one before them shows",
+        rule=f"those whose picture moves by {least:.0%} of its width or more",
+        saves=f"{redundant / (kept + redundant):.0%} of the photographs" if redundant else "",
+    )
+
+
 def _matching(record: Record) -> Iterator[Decision]:
     m = record.metrics
     tried, possible = _number(m.get("pairs_tried")), _number(m.get("pairs_possible"))
@@ -187,6 +201,7 @@ def _number(value: Metric) -> float | None:
 
 
 _CHOICES: dict[str, Callable[[Record], Iterator[Decision]]] = {
+    "photos": _photos,
     "matching": _matching,
     "sfm": _sfm,
     "grouping": _grouping,

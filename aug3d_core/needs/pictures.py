@@ -12,6 +12,7 @@ _PHOTO_OVER_VIEW = 5
 _LEAST_PHOTO_PX = 480
 _DEPTH_OVER_VIEW = 3
 _LEAST_DEPTH_PX = 256
+_LEAST_MOTION = 0.05  # of the width: along a line of flight each point is then seen by 20 photographs already
 _TEXELS_PER_PIXEL = 2.5  # domes may stand nearer than photographs did: sampling.min_sampling_ratio
 
 
@@ -34,6 +35,20 @@ def photo_px(known: Known) -> Decision:
         costs="the town's cameras are 0.009 % of its extent off in place of 0.005 %: a hundredth of a view's pixel"
         if share < 1
         else "",
+    )
+
+
+def least_motion(known: Known) -> Decision | None:
+    """Leave out photographs that show what the one before them shows, unless there are few."""
+    photos = known.photos
+    if photos is None or photos < FEW_PHOTOS:
+        return None
+    return Decision(
+        field="photos.least_motion",
+        value=_LEAST_MOTION,
+        measured=f"{photos} photographs, each compared with the last that is kept",
+        rule=f"left out where the picture moves by less than {_LEAST_MOTION:.0%} of its width (20 others show each point then);"
+        f" none of fewer than {FEW_PHOTOS}",
     )
 
 

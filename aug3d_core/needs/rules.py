@@ -12,6 +12,7 @@ from aug3d_core.needs.decision import Decision, Known
 
 RULES: dict[str, Callable[[Known], Decision | None]] = {
     "photos.max_px": pictures.photo_px,
+    "photos.least_motion": pictures.least_motion,
     "depth.max_px": pictures.depth_px,
     "surface.texel_gsd": pictures.texel,
     "sampling.width_px": pictures.view_width,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 LEFT_OPEN = (
     "photos.max_px",
+    "photos.least_motion",
     "depth.max_px",
     "surface.texel_gsd",
     "sampling.width_px",

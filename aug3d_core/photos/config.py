@@ -16,6 +16,13 @@ class PhotosConfig(StageConfig):
     min_px: int = Field(
         default=160, ge=16, le=4096, description="Shortest side below which a photograph is left out, px."
     )
+    least_motion: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=0.5,
+        description="A photograph is left out if the picture moves less than this from the one before it (share of its "
+        "width), as in a video; 0: none is.",
+    )
     min_photos: int = Field(default=3, ge=3, le=1000, description="Fewest usable photographs to go on with.")
 
 

@@ -14,6 +14,7 @@ from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
 from aug3d_core.photos.decode import Decoded, RejectedError, decode
 from aug3d_core.photos.discover import Found, find_photos, natural_key
+from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
@@ -31,12 +32,12 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     usable, duplicates = drop_duplicates(usable)
     rejected += duplicates
     _require_enough(folder, found, config, usable, rejected)
-    usable = capture_order(usable)
+    usable, redundant = _distinct(capture_order(usable), config)
     files = [photo.copy.rename(out / layout.PHOTO_IMAGES / layout.image_name(i)) for i, photo in enumerate(usable)]
     photo_table(usable).to_parquet(out / layout.PHOTO_TABLE)
-    rejected_table(rejected).to_parquet(out / layout.REJECTED_TABLE)
+    rejected_table(rejected + redundant).to_parquet(out / layout.REJECTED_TABLE)
     contact_sheet(files, out / layout.CONTACT_SHEET)
-    return _outcome(usable, rejected, found)
+    return _outcome(usable, rejected, len(redundant), found)
 
 
 def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]:
@@ -56,6 +57,20 @@ def capture_order(photos: list[Decoded]) -> list[Decoded]:
     """Sort by time, then by name; by name alone if any has no time, for a few times would tear the sequence apart."""
     timed = all(photo.exif.time for photo in photos)
     return sorted(photos, key=lambda photo: (photo.exif.time if timed else None or 0, natural_key(photo.name)))
+
+
+def _distinct(photos: list[Decoded], config: PhotosConfig) -> tuple[list[Decoded], Rejected]:
+    """Leave out what shows nothing new, if that is wanted; raises InputError where too few stay."""
+    if not config.least_motion:
+        return photos, []
+    usable, redundant = drop_redundant(photos, config.least_motion)
+    if len(usable) < config.min_photos:
+        raise InputError(
+            f"{len(photos)} photographs show what {len(usable)} show: the picture moves by less than "
+            f"{config.least_motion:.0%} of its width between the others; at least {config.min_photos} are needed",
+            "Photograph from more places, or set photos.least_motion=0 to use them all.",
+        )
+    return usable, redundant
 
 
 def _decode_all(
@@ -98,13 +113,16 @@ def _require_enough(
         )
 
 
-def _outcome(usable: list[Decoded], rejected: Rejected, found: Found) -> Outcome:
+def _outcome(usable: list[Decoded], rejected: Rejected, redundant: int, found: Found) -> Outcome:
     notes = [f"{len(rejected)} photographs left out: {layout.REJECTED_TABLE} says why"] if rejected else []
+    if redundant:
+        notes.append(f"{redundant} photographs show what the one before them shows and are left out")
     if 0 < (untimed := sum(photo.exif.time is None for photo in usable)) < len(usable):
         notes.append(f"{untimed} photographs have no time: the capture order is the order of names")
     metrics = {
         "photos": len(usable),
         "rejected": len(rejected),
+        "redundant": redundant,
         "ignored_files": found.ignored,
         "with_gps": sum(photo.exif.lat_deg == photo.exif.lat_deg for photo in usable),
         "with_focal": sum(photo.exif.focal_source != "none" for photo in usable),

@@ -44,7 +44,10 @@ class TownConfig(StageConfig):
         default=12.0, ge=0, le=45, description="Tilt ahead of straight down: lawnmower, crossed, abrupt (degrees)."
     )
     forward_overlap: float = Field(
-        default=0.76, ge=0.3, le=0.95, description="Overlap of successive footprints (share)."
+        default=0.76,
+        ge=0.3,
+        le=0.99,
+        description="Overlap of successive footprints (share); a video's is 0.95 and more.",
     )
     side_overlap: float = Field(
         default=0.67, ge=0.2, le=0.95, description="Overlap of neighbouring lines' footprints (share)."

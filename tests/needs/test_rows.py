@@ -57,3 +57,10 @@ def test_a_sweep_of_fewer_pairs_and_samples_says_what_it_saves() -> None:
     assert samples.value == 24 and "81%" in samples.saves and "40.2 dB" in samples.measured
     [samples] = chosen_by(record("rendering", metrics={"samples": 4, "samples_reason": "as set"}))
     assert not samples.saves, "what is set is saved from nothing"
+
+
+def test_photographs_worth_using_are_told_where_that_was_asked() -> None:
+    thinned = record("photos", metrics={"photos": 60, "redundant": 240}, config={"least_motion": 0.05})
+    [worth] = chosen_by(thinned)
+    assert worth.value == "60 of 300" and worth.saves == "80% of the photographs"
+    assert not list(chosen_by(record("photos", metrics={"photos": 60, "redundant": 0}, config={"least_motion": 0.0})))

@@ -133,6 +133,14 @@ def test_pictures_are_as_fine_as_the_views_that_are_predicted(store: Store, tmp_
     assert (views.width_px, views.height_px) == (160, 120)
 
 
+def test_photographs_that_show_nothing_new_are_left_out_unless_there_are_few(store: Store, tmp_path: Path) -> None:
+    config = scene_config(AUTO)
+    for count, least in ((39, 0.0), (40, 0.05)):
+        (tmp_path / str(count)).mkdir()
+        found = settle(STAGES["photos"], config, {}, store, folder_of(tmp_path / str(count), count))
+        assert found.config.model_dump()["least_motion"] == least
+
+
 def test_depth_is_never_finer_than_the_photographs(store: Store) -> None:
     records = made() | {"photos": record("photos", config={"max_px": 200})}
     assert settle(STAGES["depth"], scene_config(AUTO), records, store).decisions[0].value == 200
