@@ -70,6 +70,9 @@ def tradeoff(
     search: Annotated[
         bool, Field(description="Do not try everything: only look for the cheapest that is enough.")
     ] = False,
+    only: Annotated[
+        list[str], Field(description="Words: only panels whose name holds one of them, e.g. triangles; none: all.")
+    ] = [],
     quick: Annotated[bool, Field(description="Few settings, one seed, few steps, a smaller town: minutes.")] = False,
 ) -> State:
     """Chart what every setting of the factory costs and gains; what was made before is found again."""
@@ -78,7 +81,7 @@ def tradeoff(
         for scene in [open_studied(store, name, None) for name in dict.fromkeys(scenes)]:
             with listening(artifacts.PrefectProgress()):
                 runs = 1 if quick else seeds
-                found = study_tradeoff(store, scene, quick, runs, target_db, search, _say, _tried)
+                found = study_tradeoff(store, scene, quick, runs, target_db, search, _say, _tried, only)
             folder = write_tradeoff(store, found, machine)
             artifacts.publish_study(folder, "What does accuracy cost?")
             crashed += crashes(found)

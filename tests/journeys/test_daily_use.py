@@ -26,6 +26,8 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as NoAnswer
 from tests_support import hear_signals
 
+from aug3d_core.store import layout
+
 CHROMIUM = shutil.which("chromium")
 SHOTS = Path("test-output") / "daily_use"
 pytestmark = [
@@ -149,6 +151,28 @@ def test_two_runs_are_compared_in_mlflow(pages: dict[str, str], page: Page) -> N
     expect(page.get_by_text("training.steps").first).to_be_visible()
     page.wait_for_timeout(2000)  # the chart is drawn after the words
     page.screenshot(path=SHOTS / "mlflow_compare.png", full_page=True)
+
+
+def test_a_study_is_started_and_its_chart_is_in_the_artifacts(pages: dict[str, str], page: Page, home: Path) -> None:
+    page.goto(f"{pages['prefect']}/deployments")
+    page.get_by_role("link", name="tradeoff", exact=True).first.click()
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    page.get_by_text("Custom run", exact=True).click()
+    expect(page.get_by_text("only panels whose name holds one of them").first).to_be_visible()
+    page.screenshot(path=SHOTS / "study_form.png", full_page=True)
+    deployment = next(d for d in ask(pages, "deployments/filter", {}) if d["name"] == "tradeoff")
+    given = {"scenes": ["town"], "only": ["features"], "quick": True}
+    run = ask(pages, f"deployments/{deployment['id']}/create_flow_run", {"parameters": given})
+    wait(lambda: run["id"] in [done["id"] for done in by_hand(pages)], 240, "the study ends")
+    told = next(done for done in by_hand(pages) if done["id"] == run["id"])["state"]
+    assert told["type"] == "COMPLETED", told["message"]
+    [folder] = (home / "studies" / "town").glob("tradeoff-*")
+    assert str(folder) in told["message"] and (folder / layout.STUDY_PAGE).is_file()
+    page.goto(f"{pages['prefect']}/runs/flow-run/{run['id']}")
+    page.get_by_text("Artifacts", exact=True).last.click()
+    page.get_by_text(re.compile("^study")).first.click()
+    expect(page.get_by_text("What does accuracy cost?").first).to_be_visible()
+    page.screenshot(path=SHOTS / "study.png")
 
 
 @pytest.mark.parametrize(("width", "height"), [(1366, 768), (390, 844)])
