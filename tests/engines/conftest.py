@@ -1,8 +1,35 @@
-"""Engines under test share the machine with other work, as stages do in `isolation.py`."""
+"""Engines under test share the machine with other work, as stages do in `isolation.py`; and what tests of training share."""
 
 import os
 
+import pytest
+from toy_scene import toy_scene
+
+from aug3d_core.dataset.writer import write
 from aug3d_core.isolation import QUIET_THREADS
+from aug3d_core.store import layout
 
 for name, value in QUIET_THREADS.items():
     os.environ.setdefault(name, value)  # before torch loads OpenMP
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 24, 16)
+
+
+@pytest.fixture(scope="module")
+def dataset(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dataset")
+    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def trained(dataset, tmp_path_factory):
+    from engines.toy_training import CONFIG, silent
+
+    from aug3d_core.nerf import training_stage  # torch, which most engines do without
+
+    out = tmp_path_factory.mktemp("training")
+    return out, training_stage.run({"dataset": dataset}, CONFIG, out, silent)

@@ -5,45 +5,18 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from toy_scene import toy_scene
+from engines.toy_training import CONFIG, silent
 
-from aug3d_core.dataset.writer import write
 from aug3d_core.errors import InputError
-from aug3d_core.nerf import evaluation_stage, training_stage
+from aug3d_core.nerf import evaluation_stage
 from aug3d_core.nerf.checkpoint import load_model, save_model
-from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
+from aug3d_core.nerf.config import EvaluationConfig
 from aug3d_core.nerf.evaluation import psnr, ssim
 from aug3d_core.nerf.model import PixelNeRF
 from aug3d_core.nerf.summary import CHEAP
 from aug3d_core.store import layout
 
-CONFIG = TrainingConfig(
-    steps=12, hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2, rays_per_group=48,
-    warmup_steps=4, checkpoint_every=5, learning_rate=3e-3,
-)  # fmt: skip
 JUDGE = EvaluationConfig(resamples=100, panels=2)
-
-
-def silent(done: int, total: int, what: str) -> None:
-    """Take no notice."""
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return toy_scene(0, 24, 16)
-
-
-@pytest.fixture(scope="module")
-def dataset(scene, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("dataset")
-    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def trained(dataset, tmp_path_factory):
-    out = tmp_path_factory.mktemp("training")
-    return out, training_stage.run({"dataset": dataset}, CONFIG, out, silent)
 
 
 def test_evaluation_scores_every_test_view_beside_the_cheap_answers(scene, dataset, trained, tmp_path):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from PIL import Image
 from skimage.metrics import structural_similarity
-from toy_scene import toy_scene
 
 from aug3d_core.dataset.writer import write
 from aug3d_core.errors import InputError
@@ -23,11 +22,6 @@ from aug3d_core.store import layout
 
 CONFIG = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return toy_scene(0, 24, 16)
 
 
 @pytest.fixture(scope="module")

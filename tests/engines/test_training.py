@@ -4,22 +4,16 @@ from filecmp import cmp
 import pandas as pd
 import pytest
 import torch
+from engines.toy_training import CONFIG, silent
 from safetensors.torch import load_file
-from toy_scene import toy_scene
 
-from aug3d_core.dataset.writer import write
 from aug3d_core.errors import InputError
 from aug3d_core.nerf import training, training_stage
 from aug3d_core.nerf.checkpoint import STATE, save_state, saved_steps
-from aug3d_core.nerf.config import TrainingConfig
 from aug3d_core.nerf.run import begin, begin_again
 from aug3d_core.nerf.training import train
 from aug3d_core.store import layout
 
-CONFIG = TrainingConfig(
-    steps=12, hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2, rays_per_group=48,
-    warmup_steps=4, checkpoint_every=5, learning_rate=3e-3,
-)  # fmt: skip
 LIGHT = CONFIG.model_copy(
     update={
         "steps": 1000,
@@ -31,28 +25,6 @@ LIGHT = CONFIG.model_copy(
         "rays_per_group": 16,
     }
 )
-
-
-def silent(done: int, total: int, what: str) -> None:
-    """Take no notice."""
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return toy_scene(0, 24, 16)
-
-
-@pytest.fixture(scope="module")
-def dataset(scene, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("dataset")
-    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def trained(dataset, tmp_path_factory):
-    out = tmp_path_factory.mktemp("training")
-    return out, training_stage.run({"dataset": dataset}, CONFIG, out, silent)
 
 
 def same_files(one, other, *names):
