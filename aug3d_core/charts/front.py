@@ -20,6 +20,8 @@ _SHAPES: dict[Mark, str] = {"": "o", "preset": "o", "auto": "^", "chosen": "*"}
 _COLUMNS = 3
 _MOST_TICKS = 6
 _LABEL_WIDE, _LABEL_HIGH = 0.35, 0.1  # of the panel: labels nearer than this would cover each other
+_NUMBER_WIDE = 0.03
+_ROOM, _LEAST_ROOM = 0.2, 0.02  # beyond the highest and the lowest dot
 _AHEAD, _LEAST_S = 1.3, 1e-3
 
 
@@ -43,7 +45,10 @@ class Dot:
 
 @dataclass(frozen=True)
 class Panel:
-    """What is charted together. labelled: whether dots have their label beside them, or only what is marked and the front."""
+    """What is charted together.
+
+    labelled: whether each dot has its label beside it; else what is marked and the front have numbers, and a key tells them.
+    """
 
     title: str
     accuracy_name: str
@@ -62,6 +67,17 @@ class Panel:
         able = [dot for dot in self.done if not dot.off]
         sign = -1 if self.lower_is_better else 1
         return [able[i] for i in front([d.seconds for d in able], [sign * (d.accuracy or 0.0) for d in able])]
+
+    @property
+    def named(self) -> list[Dot]:
+        """The dots that the chart tells by name, fastest first."""
+        front = self.on_front
+        return sorted((d for d in self.done if self.labelled or d.mark or d in front), key=lambda d: d.seconds)
+
+    @property
+    def heights(self) -> list[float]:
+        """What the axis of accuracy has to hold: dots and repeats; an interval may reach beyond."""
+        return [value for dot in self.done for value in (dot.accuracy or 0.0, *(y for _, y in dot.repeats))]
 
     @property
     def fastest_s(self) -> float:
@@ -146,10 +162,7 @@ def draw(panels: Sequence[Panel], title: str, path: Path) -> None:
 def _panel(axes: Axes, panel: Panel, label_wide: float = _LABEL_WIDE) -> None:
     axes.set(title=panel.title, xlabel="processor seconds", xscale="log")
     axes.set_ylabel(panel.axis_name, size=8)
-    if panel.log_y:
-        axes.set_yscale("log")
-    if panel.lower_is_better:
-        axes.invert_yaxis()
+    _heights(axes, panel)
     best = panel.on_front
     axes.step([d.seconds for d in best], [d.accuracy or 0.0 for d in best], where="post", color=FRONT, zorder=1)
     for dot in panel.done:
@@ -163,13 +176,30 @@ def _panel(axes: Axes, panel: Panel, label_wide: float = _LABEL_WIDE) -> None:
         axes.yaxis.set_major_formatter("{x:g}")
     axes.minorticks_off()
     axes.grid(True, alpha=0.2)
-    axes.margins(x=0.25 if panel.labelled else 0.12, y=0.2)
+    axes.margins(x=0.25 if panel.labelled else 0.05)
+
+
+def _heights(axes: Axes, panel: Panel) -> None:
+    """Set the axis of accuracy, better up: intervals are cut off, for they may be many times as long as dots are apart."""
+    if panel.log_y:
+        axes.set_yscale("log")
+    if panel.done:
+        ends = (
+            np.log10([min(panel.heights), max(panel.heights)])
+            if panel.log_y
+            else (min(panel.heights), max(panel.heights))
+        )
+        room = max(_ROOM * (ends[1] - ends[0]), _LEAST_ROOM)
+        low, high = ends[0] - room, ends[1] + room
+        axes.set_ylim(*(10.0 ** np.array([low, high]) if panel.log_y else (low, high)))
+    if panel.lower_is_better:
+        axes.invert_yaxis()
 
 
 def _dot(axes: Axes, dot: Dot) -> None:
     colour, y = COLOURS[dot.mark], dot.accuracy or 0.0
     if dot.interval:
-        axes.plot([dot.seconds] * 2, dot.interval, color=colour, alpha=0.25, lw=1, zorder=1)
+        axes.vlines(dot.seconds, *dot.interval, color=colour, alpha=0.4, lw=1, zorder=1)
     if len(dot.repeats) > 1:
         axes.scatter(*zip(*dot.repeats, strict=True), s=12, color=colour, alpha=0.5, zorder=2)
     size = 150 if dot.mark == "chosen" else 70 if dot.mark == "auto" else 46
@@ -178,17 +208,21 @@ def _dot(axes: Axes, dot: Dot) -> None:
 
 
 def _labels(axes: Axes, panel: Panel, wide: float) -> None:
-    """Write labels, to the side where there is room; dots that lie close together share one."""
-    named = [dot for dot in panel.done if panel.labelled or dot.mark or dot in panel.on_front]
+    """Write labels beside dots, or numbers and what they stand for; dots that lie close together share one."""
+    named = panel.named
     seconds, accuracy = [dot.seconds for dot in named], [dot.accuracy or 0.0 for dot in named]
-    middle = np.sqrt(min(panel.span_s) * max(panel.span_s))
-    for together in near(np.log(np.maximum(seconds, _LEAST_S)), np.log(accuracy) if panel.log_y else accuracy, wide):
-        text = "\n".join(named[i].label for i in together)
+    texts = [dot.label if panel.labelled else str(number) for number, dot in enumerate(named, start=1)]
+    heights = np.log(accuracy) if panel.log_y else accuracy
+    between = "\n" if panel.labelled else ", "
+    for together in near(np.log(np.maximum(seconds, _LEAST_S)), heights, wide if panel.labelled else _NUMBER_WIDE):
         at = seconds[together[0]], accuracy[together[0]]
-        left = not panel.labelled and at[0] > middle  # the long names of configurations
-        axes.annotate(
-            text, at, (-8 if left else 5, 5), textcoords="offset points", size=7, ha="right" if left else "left"
-        )
+        axes.annotate(between.join(texts[i] for i in together), at, (5, 5), textcoords="offset points", size=7)
+    if not panel.labelled:
+        key = [
+            f"{text}  {dot.label}: {dot.accuracy:.4g} in {dot.seconds:,.0f} s"
+            for text, dot in zip(texts, named, strict=True)
+        ]
+        axes.text(0.99, 0.02, "\n".join(key), transform=axes.transAxes, size=7, ha="right", va="bottom", ma="left")
 
 
 def _floor(axes: Axes, panel: Panel) -> None:

@@ -58,16 +58,10 @@ def _layout(panel: Panel) -> go.Layout:
             "title": {"text": panel.axis_name, "font": {"size": 11}},
             "type": "log" if panel.log_y else "linear",
             **({"tickvals": ticks([dot.accuracy or 0.0 for dot in panel.done])} if panel.log_y else {}),
-            "range": _range(_heights(panel), panel.log_y)[:: -1 if panel.lower_is_better else 1],
+            "range": _range([*panel.heights, _floor(panel)], panel.log_y)[:: -1 if panel.lower_is_better else 1],
         },
         legend={"orientation": "h", "y": -0.2},
     )
-
-
-def _heights(panel: Panel) -> list[float]:
-    """Return what the axis of accuracy has to hold: dots, repeats, intervals, and the line of failures below."""
-    dots = [value for dot in panel.done for value in (dot.accuracy or 0.0, *(y for _, y in dot.repeats))]
-    return [*dots, *(end for dot in panel.done for end in dot.interval or ()), _floor(panel)]
 
 
 def _range(values: Sequence[float], log: bool) -> list[float]:

@@ -9,7 +9,7 @@ from aug3d_core.charts.front import Dot, Mark, Panel
 from aug3d_core.charts.html import duration, number
 from aug3d_core.tradeoff.arm import FACTORY
 from aug3d_core.tradeoff.findings import panels
-from aug3d_core.tradeoff.point import Point
+from aug3d_core.tradeoff.point import Point, below, best
 from aug3d_core.tradeoff.study import Studied
 
 
@@ -19,23 +19,32 @@ def charts(found: Studied) -> list[Panel]:
 
 
 def _panel(points: Sequence[Point], chosen: Point | None) -> Panel:
-    judge = points[0].arm.judge
-    dots = tuple(_dot(point, chosen) for point in points)
+    judge, top = points[0].arm.judge, best(points)
+    dots = tuple(_dot(point, chosen, top) for point in points)
     return Panel(points[0].arm.panel, judge.name, judge.lower_is_better, dots, labelled=points[0].arm.panel != FACTORY)
 
 
-def _dot(point: Point, chosen: Point | None) -> Dot:
+def _dot(point: Point, chosen: Point | None, top: Point | None) -> Dot:
     mark: Mark = "chosen" if chosen is not None and point.arm == chosen.arm else point.arm.mark
     return Dot(
         label=point.arm.label if point.arm.panel == FACTORY else f"{point.arm.label}  ({_peak(point):,.0f} MiB)",
         seconds=point.cpu_seconds,
         accuracy=point.accuracy,
         repeats=tuple((result.cpu_seconds, result.accuracy or 0.0) for result in point.scored),
-        interval=point.results[0].interval if mark else None,  # of every dot they would hide the dots
+        interval=_interval(point, top) if mark else None,  # of every dot they would hide the dots
         mark=mark,
         off=not point.comparable,
         hover=_hover(point),
     )
+
+
+def _interval(point: Point, top: Point | None) -> tuple[float, float] | None:
+    """Return where a point may lie as far as its difference from the best of the panel is known."""
+    apart = below(point, top) if top is not None and top is not point else None
+    if top is None or apart is None or apart.interval is None:
+        return None
+    low, high = apart.interval
+    return (top.accuracy or 0.0) - high, (top.accuracy or 0.0) - low
 
 
 def _peak(point: Point) -> float:

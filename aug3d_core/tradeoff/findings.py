@@ -44,12 +44,18 @@ def as_json(found: Studied, machine: str) -> dict[str, Any]:
 
 
 def against_best(found: Studied) -> dict[str, float | None]:
-    """Return how far `auto` is below the best configuration tried (dB), and its processor time over that one's."""
+    """Return how far `auto` is below the best configuration tried (dB, interval), and its processor time over that one's."""
     best, auto = found.best, found.auto
     regret = None if best is None or auto is None else below(auto, best)
     if best is None or auto is None or regret is None or not best.cpu_seconds:
-        return {"auto_regret_db": None, "auto_time_ratio": None}
-    return {"auto_regret_db": regret, "auto_time_ratio": auto.cpu_seconds / best.cpu_seconds}
+        return dict.fromkeys(("auto_regret_db", "auto_regret_low_db", "auto_regret_high_db", "auto_time_ratio"))
+    low, high = regret.interval or (None, None)
+    return {
+        "auto_regret_db": regret.db,
+        "auto_regret_low_db": low,
+        "auto_regret_high_db": high,
+        "auto_time_ratio": auto.cpu_seconds / best.cpu_seconds,
+    }
 
 
 def search_against_grid(found: Studied) -> dict[str, float | None]:

@@ -147,12 +147,17 @@ def _auto(found: Studied) -> str:
         why = auto.results[0].trial.failure or "its test has too few photographs in common with the others'"
         return tag("p", escape(f"auto cannot be compared: {why}.")) + _decisions(found)
     said = (
-        f"auto reaches {_db(auto.accuracy)} dB in {duration(auto.cpu_seconds)}: {ratios['auto_regret_db']:+.2f} dB below "
-        f"the best that was tried, in {percent(ratios['auto_time_ratio'])} of its time."
+        f"auto reaches {_db(auto.accuracy)} dB in {duration(auto.cpu_seconds)}: {ratios['auto_regret_db']:+.2f} dB"
+        f"{_between(ratios)} below the best that was tried, in {percent(ratios['auto_time_ratio'])} of its time."
     )
     if found.quick:
         said += " Everything was trained for seconds, to have a look: neither says what full training would."
     return tag("p", escape(said)) + _decisions(found)
+
+
+def _between(ratios: Mapping[str, float | None]) -> str:
+    low, high = ratios["auto_regret_low_db"], ratios["auto_regret_high_db"]
+    return "" if low is None or high is None else f" [{low:.2f}, {high:.2f}]"
 
 
 def _decisions(found: Studied) -> str:
@@ -188,8 +193,8 @@ def _method(found: Studied, machine: str) -> str:
         "Time is processor time, of the run that made an output, whenever that was: other work on the machine, and finding an"
         " output made, change nothing in it. What users do not pay for, the town's photographs and the comparison with"
         " its truth, is left out. Dots are medians over the seeds, small dots the seeds; what stands out in the factory's"
-        " grid was repeated with every seed. The order was drawn by lot. Bars at marked dots are 95 % intervals over the test's"
-        " photographs; they tell how well PSNR is known, not how two dots differ, which were judged on the same photographs."
+        " grid was repeated with every seed. The order was drawn by lot. Bars at marked dots are 95 % intervals of how far"
+        " they are below the panel's best, over seeds and photographs that judged both; they may reach beyond the panel."
         " Hollow dots were judged on others and beat nobody; auto is held against the best on the photographs that judged"
         " both. Pictures are compared at one size; from smaller working copies they are a little smoother."
         f" {state['found_made']} of {state['outputs']} outputs were there before."

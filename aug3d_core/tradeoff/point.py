@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import mean, median
+from statistics import median
+
+import numpy as np
 
 from aug3d_core.charts.front import front
 from aug3d_core.grouping.split import LEAST_TARGETS
+from aug3d_core.study.statistics import interval
 from aug3d_core.tradeoff.arm import Arm, Result
 
 
@@ -42,19 +45,32 @@ class Point:
         return -self.accuracy if self.arm.judge.lower_is_better else self.accuracy
 
 
-def below(point: Point, other: Point) -> float | None:
-    """Return how far a point is below another (dB), on the test photographs that all their seeds share.
+@dataclass(frozen=True)
+class Below:
+    """How far a point is below another (dB): medians over the seeds.
+
+    interval: 95 %, of the mean over seeds and photographs; None for one of either.
+    """
+
+    db: float
+    interval: tuple[float, float] | None
+
+
+def below(point: Point, other: Point) -> Below | None:
+    """Return how far a point is below another, on the test photographs that all their seeds share.
 
     Settings can move the split by a photograph. None where tests differ and share too few to say anything, or in size.
     """
     results = [*point.scored, *other.scored]
     if not point.scored or not other.scored or len({result.size_px for result in results}) > 1:
         return None
-    shared = set.intersection(*(set(result.held_out) for result in results))
+    shared = sorted(set.intersection(*(set(result.held_out) for result in results)))
     if not shared or (len(shared) < LEAST_TARGETS and len({result.test for result in results}) > 1):
         return None
-    mine, its = (median(mean(r.held_out[name] for name in shared) for r in p.scored) for p in (point, other))
-    return its - mine
+    mine, its = ({r.seed: np.array([r.held_out[name] for name in shared]) for r in p.scored} for p in (point, other))
+    apart = [its[seed] - mine[seed] for seed in sorted(mine.keys() & its.keys())]
+    level_mine, level_its = (median(float(psnr.mean()) for psnr in by_seed.values()) for by_seed in (mine, its))
+    return Below(level_its - level_mine, interval(np.array(apart)) if apart else None)
 
 
 def points(results: Sequence[Result]) -> list[Point]:

@@ -16,7 +16,7 @@ from aug3d_core.tradeoff.findings import as_json, cache, table
 from aug3d_core.tradeoff.page import chapters, write_page
 from aug3d_core.tradeoff.study import Studied
 
-_WIDE = 190  # letters that the chart has room for
+_WIDE = 160  # letters that the chart has room for
 
 
 def write_study(store: Store, found: Studied, machine: str) -> Path:

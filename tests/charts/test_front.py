@@ -94,3 +94,10 @@ def test_the_page_says_what_a_pointer_is_told_and_needs_no_network(panel: Panel)
         assert said in page
     assert 'src="http' not in page and "cdn" not in page
     assert script().startswith("<script>") and "Plotly" in script()
+
+
+def test_an_interval_does_not_push_the_dots_together() -> None:
+    far = dot("usual", 20, 0.1, mark="preset", interval=(-50.0, 50.0))
+    panel = Panel("all of it", "PSNR (dB)", False, (far, dot("small", 10, 0.2)), labelled=False)
+    assert (min(panel.heights), max(panel.heights)) == (0.1, 0.2)
+    assert [one.label for one in panel.named] == ["small", "usual"]

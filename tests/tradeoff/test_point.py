@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.bench.trial import Trial
 from aug3d_core.store.record import Record
 from aug3d_core.tradeoff.arm import Arm, Result
-from aug3d_core.tradeoff.point import best, cheapest, on_front, points
+from aug3d_core.tradeoff.point import below, best, cheapest, on_front, points
 from aug3d_core.tradeoff.setting import POSE_ERROR, REPROJECTION, TEST_PSNR, Judge
 
 numbers = st.floats(0.1, 100, allow_nan=False)
@@ -71,3 +74,25 @@ def test_scores_of_another_test_than_the_scenes_own_are_not_compared() -> None:
 
 def test_an_error_in_pixels_is_told_as_an_angle() -> None:
     assert result("a", 1.0, 0.25, judge=REPROJECTION).accuracy == 0.0005
+
+
+def judged(label: str, psnr: dict[int, list[float]]) -> Any:
+    """Return a point with the PSNR of each test photograph, by seed."""
+    results = [
+        replace(result(label, 1.0, float(np.mean(db)), seed), held_out={str(i): one for i, one in enumerate(db)})
+        for seed, db in psnr.items()
+    ]
+    return points(results)[0]
+
+
+def test_how_far_below_is_of_the_same_photographs_and_seeds() -> None:
+    hard, easy = [12.0, 15.0, 18.0], [24.0, 26.0, 28.0]
+    top = judged("top", {0: [*hard, *easy], 1: [db + 1 for db in (*hard, *easy)]})
+    low = judged("low", {0: [db - 0.5 for db in (*hard, *easy)], 1: [db + 0.5 for db in (*hard, *easy)]})
+    apart = below(low, top)
+    assert apart is not None and apart.db == pytest.approx(0.5)
+    assert apart.interval == pytest.approx((0.5, 0.5)), (
+        "photographs that differ by 16 dB say nothing of how two points differ"
+    )
+    alone = below(judged("low", {0: [11.0, 14.0]}), judged("top", {0: [12.0, 15.0]}))
+    assert alone is not None and alone.db == pytest.approx(1.0) and alone.interval is None, "one seed has no interval"

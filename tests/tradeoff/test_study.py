@@ -82,10 +82,11 @@ def test_auto_is_held_against_the_best_on_the_photographs_that_both_were_judged_
     auto, best = found.auto.results[0], found.best.results[0]
     moved = Point(found.auto.arm, (replace(auto, held_out={"b": 20.0, "c": 21.0, "d": 22.0, "z": 99.0}),))
     held = Point(found.best.arm, (replace(best, held_out={"a": 1.0, "b": 20.5, "c": 21.0, "d": 23.0}),))
-    assert below(moved, held) == pytest.approx(0.5)
+    shared = below(moved, held)
+    assert shared is not None and shared.db == pytest.approx(0.5)
     assert below(Point(moved.arm, (replace(auto, held_out={"y": 20.0}),)), held) is None
-    alike = [Point(moved.arm, (replace(auto, held_out={"a": psnr}),)) for psnr in (20.0, 21.0)]
-    assert below(*alike) == pytest.approx(1.0), "the same test, however small"
+    alike = below(*(Point(moved.arm, (replace(auto, held_out={"a": psnr}),)) for psnr in (20.0, 21.0)))
+    assert alike is not None and alike.db == pytest.approx(1.0), "the same test, however small"
     assert found.test_photos == 4
 
 
