@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from aug3d_core.stage_main import Job
 from aug3d_core.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES, FROM_TOWN
 from aug3d_core.store import layout
 from aug3d_core.store.keys import engine_versions, object_key, recipe
-from aug3d_core.store.record import Record
+from aug3d_core.store.record import Record, files_digest
 from aug3d_core.store.store import Store, disk_full, write_synced
 
 _MOST_EARLIER = 8  # outputs of a stage's recipe that it may look at for work to reuse
@@ -29,9 +29,10 @@ class Source(Frozen):
     digest: str
 
 
-def source_of(store: Store, record: Record) -> Source:
-    """Return a finished object as the input of the next stage."""
-    return Source(path=store.files_dir(record), digest=record.digest)
+def source_of(store: Store, record: Record, reads: Sequence[str] = ()) -> Source:
+    """Return a finished object as the input of a stage. reads: the only files that the stage reads of it, empty for all."""
+    digest = files_digest({name: record.files[name] for name in reads}) if reads else record.digest
+    return Source(path=store.files_dir(record), digest=digest)
 
 
 class Material(Frozen):
@@ -51,7 +52,7 @@ class Material(Frozen):
 
 def gather(store: Store, stage: Stage, records: Mapping[str, Record], material: Material) -> dict[str, Source]:
     """Return the inputs of a stage from the records so far, and from what the user gave."""
-    return {name: _source(store, name, records, material) for name in stage.inputs}
+    return {name: _source(store, stage, name, records, material) for name in stage.inputs}
 
 
 def ready(stage: Stage, records: Mapping[str, Record], material: Material) -> bool:
@@ -60,13 +61,13 @@ def ready(stage: Stage, records: Mapping[str, Record], material: Material) -> bo
     return there.issuperset(stage.inputs)
 
 
-def _source(store: Store, name: str, records: Mapping[str, Record], material: Material) -> Source:
+def _source(store: Store, stage: Stage, name: str, records: Mapping[str, Record], material: Material) -> Source:
     if name == "folder":
         folder = material.photos or store.files_dir(records["town"]) / layout.TOWN_PHOTOS
         return Source(path=folder, digest=folder_digest(folder))
     if name == "given" and material.poses:
         return Source(path=material.poses, digest=pose_digest(material.poses))
-    return source_of(store, records[name])
+    return source_of(store, records[name], stage.reads.get(name, ()))
 
 
 def key_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> str:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -62,6 +62,8 @@ class Stage:
     name: also the folder name in the store and the name in `SceneConfig`.
     config: the configuration model.
     inputs: names of the upstream stages whose files it reads.
+    reads: of an input, the only files that it reads, where it does not read them all: the others may change, and what it made
+        stays good.
     entry: "module:function" of the stage function; imported only in the stage's own process.
     engines: distributions whose version is part of the cache key.
     accuracy: the metric that says how well the stage did, shown in every table.
@@ -82,6 +84,7 @@ class Stage:
     resumable: bool = False
     grows: bool = False
     alone: bool = False
+    reads: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
     limit_s: float = 24 * 3600.0
     limit_mib: float = 20 * 1024.0
 

@@ -51,6 +51,7 @@ SIMILARITY = Stage(
 GROUPING = Stage(
     "grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median"
 )
+_SPLIT_ALONE = {"grouping": (layout.SPLIT_TABLE,)}  # other groups of the same split are nothing to them
 DEPTH = Stage(
     "depth",
     DepthConfig,
@@ -58,9 +59,16 @@ DEPTH = Stage(
     "aug3d_core.depth.stage:run",
     ("opencv-python-headless", "pycolmap"),
     "consistent_share",
+    reads=_SPLIT_ALONE,
 )
 SURFACE = Stage(
-    "surface", SurfaceConfig, ("sfm", "grouping", "depth"), "aug3d_core.surface.stage:run", ("open3d",), "render_psnr"
+    "surface",
+    SurfaceConfig,
+    ("sfm", "grouping", "depth"),
+    "aug3d_core.surface.stage:run",
+    ("open3d",),
+    "render_psnr",
+    reads=_SPLIT_ALONE,
 )
 OVERLAP = Stage(
     "overlap",
@@ -85,6 +93,7 @@ MESH_TRUTH = Stage(
     "aug3d_core.testbed.mesh_truth_stage:run",
     ("open3d",),
     "fscore_half_pct",
+    reads=_SPLIT_ALONE,
 )
 SAMPLING = Stage(
     "sampling",

@@ -44,6 +44,8 @@ class Stages:
         if self.fails == (stage.name, fold):
             raise StageFailed(stage.name, "refused", f"no {stage.name} in fold {fold}", "fly again", "", "")
         (files / "made.txt").write_text(f"fold {fold}" if made else "no part of a split")
+        if stage.name == "grouping":
+            (files / layout.SPLIT_TABLE).write_text(made)
         if stage.name == "training":  # the model is handed on to MLflow
             for name in (layout.MODEL_WEIGHTS, layout.MODEL_CONFIG):
                 (files / name).write_text(config.model_dump_json())

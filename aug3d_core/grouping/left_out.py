@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Int
 
 from aug3d_core.grouping.methods import EXCLUDED
@@ -23,6 +24,12 @@ def left_out(
         for reason, views in EXCLUDED[method](scene, candidates, members.shape[1]).items():
             reasons |= dict.fromkeys(reasons.keys() & set(views.tolist()), reason)
     return reasons
+
+
+def left_out_table(reasons: dict[int, str], photo_id: Int[np.ndarray, " n"]) -> pd.DataFrame:
+    """Return one row per training view that is in no group, with the reason."""
+    rows = [(view, int(photo_id[view]), reason) for view, reason in sorted(reasons.items())]
+    return pd.DataFrame(rows, columns=["view", "photo_id", "reason"])
 
 
 def remarks(reasons: dict[int, str], photo_id: Int[np.ndarray, " n"]) -> list[str]:

@@ -26,7 +26,7 @@ from aug3d_core.grouping.audit import (
 from aug3d_core.grouping.cluster_size import cluster_size
 from aug3d_core.grouping.config import GroupingConfig
 from aug3d_core.grouping.footprint import footprints
-from aug3d_core.grouping.left_out import left_out, remarks
+from aug3d_core.grouping.left_out import left_out, left_out_table, remarks
 from aug3d_core.grouping.methods import METHODS
 from aug3d_core.grouping.picture import draw_grouping
 from aug3d_core.grouping.read_scene import read_scene
@@ -51,7 +51,8 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     members = METHODS[config.method](scene, train, size.k, config.groups, config, rng)
     alone = left_out(scene, train, members, config.method)
     test_members = test_groups(scene, split, size.k)
-    split_table(split, scene, alone).to_parquet(out / layout.SPLIT_TABLE)
+    split_table(split, scene).to_parquet(out / layout.SPLIT_TABLE)
+    left_out_table(alone, views.photo_id).to_parquet(out / layout.LEFT_OUT_TABLE)
     with (out / layout.GROUPS).open("wb") as file:
         np.savez(file, members=members, test_members=test_members)
     at, picture = centres(views.cam_from_world)[:, :2], out / layout.GROUPING_MAP
@@ -77,8 +78,8 @@ def test_groups(scene: GroupingScene, split: Split, k: int) -> Int[np.ndarray, "
     return np.stack([shared_points.most_shared(scene, target, support, size) for target in targets])
 
 
-def split_table(split: Split, scene: GroupingScene, alone: dict[int, str]) -> pd.DataFrame:
-    """Return one row per view; `left_out` says why a training view is in no group, and is empty otherwise."""
+def split_table(split: Split, scene: GroupingScene) -> pd.DataFrame:
+    """Return one row per view. Nothing in it depends on the groups: stages that read the split alone need not know them."""
     return pd.DataFrame(
         {
             "view": np.arange(len(scene.views)),
@@ -86,7 +87,6 @@ def split_table(split: Split, scene: GroupingScene, alone: dict[int, str]) -> pd
             "role": split.role.tolist(),
             "look_x": scene.look_in_world[:, 0],
             "look_y": scene.look_in_world[:, 1],
-            "left_out": [alone.get(view, "") for view in range(len(scene.views))],
         }
     )
 

@@ -81,6 +81,7 @@ SFM_MAP = "map.png"
 # grouping
 SHARED_POINTS = "shared_points.npz"
 SPLIT_TABLE = "split.parquet"
+LEFT_OUT_TABLE = "left_out.parquet"
 GROUPS = "groups.npz"
 SIMILARITY_PICTURE = "similarity.png"
 GROUPING_MAP = "grouping.png"

@@ -106,7 +106,8 @@ def _make_steps(store: Store, scene: FinishedScene, cell: Cell, made: dict[str, 
     config = scene.config((*cell.arm.settings, f"grouping.fold={cell.fold}", f"training.seed={cell.seed}"))
 
     def step(stage: Stage, settings: SceneConfig = config) -> Record:
-        sources = {name: source_of(store, {**given, **made}[name]) for name in stage.inputs}
+        there = {**given, **made}
+        sources = {name: source_of(store, there[name], stage.reads.get(name, ())) for name in stage.inputs}
         made[stage.name] = make(
             store, stage, getattr(settings, stage.name), sources, lambda *told: say(stage.name, *told)
         )

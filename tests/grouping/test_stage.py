@@ -92,9 +92,18 @@ def test_views_in_no_group_are_listed(tmp_path: Path) -> None:
         grouped = len(np.unique(arrays["members"]))
     alone = outcome.metrics["train_views"] - grouped
     assert f"{alone} training views are in no group (every group found better members): photos" in outcome.notes[0]
-    split = pd.read_parquet(out / "split.parquet")
-    assert (split["left_out"] != "").sum() == outcome.metrics["left_out"] == alone
-    assert set(split["role"][split["left_out"] != ""]) == {"train"}
+    split, lonely = (pd.read_parquet(out / name) for name in ("split.parquet", "left_out.parquet"))
+    assert len(lonely) == outcome.metrics["left_out"] == alone
+    assert set(split["role"][lonely["view"]]) == {"train"}
+    assert (split["photo_id"][lonely["view"]].to_numpy() == lonely["photo_id"].to_numpy()).all()
+
+
+def test_the_split_is_the_same_to_the_byte_whatever_the_groups(tmp_path: Path) -> None:
+    splits = [
+        (run_both(tmp_path / f"{method}{k}", fly(), k=k, method=method)[2] / "split.parquet").read_bytes()
+        for method, k in (("shared", 3), ("shared", 8), ("sequence", 8))
+    ]
+    assert len(set(splits)) == 1
 
 
 @pytest.mark.parametrize("method", METHODS)

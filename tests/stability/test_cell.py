@@ -51,6 +51,7 @@ class Made:
         files = store.work_dir(stage.name, "k") / layout.FILES
         (files / layout.TOWN_PHOTOS).mkdir(parents=True, exist_ok=True)
         (files / layout.TOWN_PHOTOS / "a.jpg").write_text(stage.name)
+        (files / layout.SPLIT_TABLE).write_text(stage.name)
         empty = {
             "recipe": "r",
             "inputs": {},

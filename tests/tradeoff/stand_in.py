@@ -68,6 +68,8 @@ class Stages:
         if stage == "photos":
             names = [f"photo {number}.jpg" for number in range(9)]
             pd.DataFrame({"photo_id": range(9), "name": names}).to_parquet(files / layout.PHOTO_TABLE)
+        if stage == "grouping":
+            (files / layout.SPLIT_TABLE).write_text(json.dumps(made))
         if stage == "truth":
             return {"position_error_pct": 100.0 / made["matching"]["max_features"]}
         if stage == "sfm":
