@@ -11,6 +11,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.photos.decode import Decoded
+from aug3d_core.photos.table import REDUNDANT
 
 _LONGEST_PX = 256  # a pixel is 0.4 % of the width: enough for motions that matter, and a millisecond a pair
 _CORNERS, _LEAST_TRACKED = 200, 0.5
@@ -31,7 +32,9 @@ def drop_redundant(photos: Sequence[Decoded], least_motion: float) -> tuple[list
         grey = _small(photo)
         moved = math.inf if last is None else image_motion(last, grey)
         if moved < least_motion:
-            dropped.append((photo.name, f"redundant: shows what {kept[-1].name} shows, {moved:.1%} of its width aside"))
+            dropped.append(
+                (photo.name, f"{REDUNDANT}: shows what {kept[-1].name} shows, {moved:.1%} of its width aside")
+            )
             photo.copy.unlink()
         else:
             kept.append(photo)

@@ -11,6 +11,8 @@ from aug3d_core.errors import UsageError
 from aug3d_core.photos.decode import Decoded
 from aug3d_core.store import layout
 
+REDUNDANT = "redundant"  # begins the reason of a photograph that could be used, and need not
+
 
 def photo_table(photos: Sequence[Decoded]) -> pd.DataFrame:
     """Build the table; row i is photo i. `focal_px` is at the working copy's size, NaN if unknown."""

@@ -96,7 +96,8 @@ def _photos(views: Views, folder: Path) -> None:
     table = pd.DataFrame(geodetic_from_enu(gps, _ORIGIN), columns=["lat_deg", "lon_deg", "alt_m"])
     names = [EVIL, *(f"p{i}.jpg" for i in range(1, len(views)))]
     table.assign(photo_id=views.photo_id, name=names).to_parquet(folder / layout.PHOTO_TABLE)
-    pd.DataFrame([{"name": "torn.jpg", "reason": "unreadable"}]).to_parquet(folder / layout.REJECTED_TABLE)
+    refused = {"torn.jpg": "unreadable", "hover.jpg": "redundant: shows what p3.jpg shows, 0.1% of its width aside"}
+    pd.DataFrame(refused.items(), columns=["name", "reason"]).to_parquet(folder / layout.REJECTED_TABLE)
 
 
 def _split(folder: Path) -> None:

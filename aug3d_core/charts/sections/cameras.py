@@ -11,6 +11,7 @@ from aug3d_core.charts.histogram import histogram
 from aug3d_core.charts.html import number, table, tag
 from aug3d_core.charts.sections.gps import gps_errors
 from aug3d_core.charts.sections.run import Run
+from aug3d_core.photos.table import REDUNDANT
 from aug3d_core.store import layout
 
 _MOST_ROWS = 500
@@ -43,7 +44,11 @@ def _placed(run: Run) -> str:
 def _left_out(run: Run) -> str:
     """Return a row per photograph that has no place: which, and the likely reason."""
     refused, unplaced = run.table("photos", layout.REJECTED_TABLE), run.table("sfm", layout.UNPLACED)
-    rows = [(escape(row["name"]), "not read", escape(row["reason"]), "-", "-") for row in refused.to_dict("records")]
+    redundant = refused["reason"].str.startswith(REDUNDANT) if len(refused) else pd.Series(dtype=bool)
+    rows = [
+        (escape(row["name"]), "not needed" if spare else "not read", escape(row["reason"]), "-", "-")
+        for row, spare in zip(refused.to_dict("records"), redundant, strict=True)
+    ]
     rows += [
         (
             escape(row["name"]),
@@ -55,7 +60,11 @@ def _left_out(run: Run) -> str:
     ]
     if not rows:
         return tag("p", "No photograph was left out.", class_="dim") if run.record("sfm") else ""
-    said = f"{len(refused)} could not be read, {len(unplaced)} have no place in the model; with the likely reason."
+    said = (
+        f"{(~redundant).sum()} could not be read, {len(unplaced)} have no place in the model; with the likely reason."
+    )
+    if redundant.any():
+        said += f" {redundant.sum()} show what the one before them shows."
     heads = ("photograph", "what", "why", "features", "matched pairs")
     return tag("h3", "Left out") + tag("p", said, class_="dim") + table(heads, rows[:_MOST_ROWS], numeric=(3, 4))
 

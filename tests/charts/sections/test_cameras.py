@@ -14,6 +14,7 @@ def test_photographs_are_counted_and_those_left_out_have_a_reason(tmp_path):
     assert "<b>13</b> photographs read, 1 refused" in page and "<b>12 of 13</b> have a place" in page
     assert "torn.jpg" in page and "unreadable" in page and "too blurred" in page
     assert "1 could not be read, 1 have no place" in page
+    assert "1 show what the one before them shows" in page and "not needed" in page
 
 
 def test_no_name_of_a_file_becomes_html(tmp_path):
