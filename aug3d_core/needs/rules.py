@@ -13,7 +13,9 @@ from aug3d_core.needs.decision import Decision, Known
 RULES: dict[str, Callable[[Known], Decision | None]] = {
     "photos.max_px": pictures.photo_px,
     "photos.least_motion": pictures.least_motion,
+    "matching.max_features": pictures.features,
     "depth.max_px": pictures.depth_px,
+    "depth.plane_step_px": pictures.plane_step,
     "surface.texel_gsd": pictures.texel,
     "sampling.width_px": pictures.view_width,
     "sampling.height_px": pictures.view_height,

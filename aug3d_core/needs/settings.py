@@ -5,7 +5,9 @@ from __future__ import annotations
 LEFT_OPEN = (
     "photos.max_px",
     "photos.least_motion",
+    "matching.max_features",
     "depth.max_px",
+    "depth.plane_step_px",
     "surface.texel_gsd",
     "sampling.width_px",
     "sampling.height_px",

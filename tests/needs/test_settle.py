@@ -127,6 +127,10 @@ def test_pictures_are_as_fine_as_the_views_that_are_predicted(store: Store, tmp_
     assert few.config == scene_config(AUTO).photos, "few photographs keep all they have"
     assert "12 photographs" in few.decisions[0].measured
     assert settled(store, "depth").max_px == 288
+    assert (
+        settled(store, "depth").plane_step_px == 4
+        and settled(store, "depth", "depth.plane_step_px=6").plane_step_px == 6
+    )
     assert settled(store, "surface", "photos.max_px=240").texel_gsd == 1, "never finer than the photographs"
     assert settled(store, "surface", "photos.max_px=960").texel_gsd == 4
     views = settled(store, "sampling", "dataset.width_px=160", "dataset.height_px=120")
@@ -139,6 +143,15 @@ def test_photographs_that_show_nothing_new_are_left_out_unless_there_are_few(sto
         (tmp_path / str(count)).mkdir()
         found = settle(STAGES["photos"], config, {}, store, folder_of(tmp_path / str(count), count))
         assert found.config.model_dump()["least_motion"] == least
+
+
+@pytest.mark.parametrize(("photos", "px", "features"), [(40, 480, 1022), (40, 2000, 4096), (39, 480, 4096)])
+def test_there_are_as_many_features_as_pixels_have_room_for(
+    photos: int, px: int, features: int, store: Store, tmp_path: Path
+) -> None:
+    records = {"photos": record("photos", config={"max_px": px})}
+    found = settle(STAGES["matching"], scene_config(AUTO), records, store, folder_of(tmp_path, photos))
+    assert found.config.model_dump()["max_features"] == features
 
 
 def test_depth_is_never_finer_than_the_photographs(store: Store) -> None:
