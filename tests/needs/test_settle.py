@@ -127,6 +127,8 @@ def test_pictures_are_as_fine_as_the_views_that_are_predicted(store: Store, tmp_
     assert few.config == scene_config(AUTO).photos, "few photographs keep all they have"
     assert "12 photographs" in few.decisions[0].measured
     assert settled(store, "depth").max_px == 288
+    assert settled(store, "depth", grouping__k=10).max_px == 192, "nothing is rendered"
+    assert settled(store, "depth", "dataset.width_px=160", grouping__k=10).max_px == 320
     assert (
         settled(store, "depth").plane_step_px == 4
         and settled(store, "depth", "depth.plane_step_px=6").plane_step_px == 6
