@@ -6,7 +6,6 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +15,7 @@ from rich.table import Table
 
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.timed import timed_folder
 from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
@@ -141,8 +141,7 @@ def _bench(
             **found.about,
             "figures": {key: vars(figure) for key, figure in found.figures.items()},
         }
-        kept = home / layout.BENCH / f"{name}-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
-        kept.mkdir(parents=True)
+        kept = timed_folder(home / layout.BENCH, f"{name}-")
         write_synced(kept / layout.BENCH_FIGURES, json.dumps(told, indent=1).encode())
         if (pictures := unfinished / layout.BENCH_PICTURES).exists():
             pictures.rename(kept / layout.BENCH_PICTURES)

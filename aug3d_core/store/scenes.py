@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +14,12 @@ from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.timed import timed_folder
 
 
 def new_version(store: Store, scene: str) -> Path:
     """Create the folder of a new version, named by the time in UTC so that names sort."""
-    versions = store.root / layout.SCENES / check_scene_name(scene)
-    versions.mkdir(parents=True, exist_ok=True)
-    while True:
-        folder = versions / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S.%f")[:-3]
-        try:
-            folder.mkdir()
-        except FileExistsError:  # another version of the same millisecond
-            time.sleep(1e-3)
-        else:
-            return folder
+    return timed_folder(store.root / layout.SCENES / check_scene_name(scene))
 
 
 def write_metrics(version: Path, metrics: dict[str, Any]) -> None:

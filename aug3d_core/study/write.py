@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
 
 from aug3d_core.charts.story import Part, tell
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.timed import timed_folder
 from aug3d_core.study.chart import draw
 from aug3d_core.study.findings import Findings, as_json
 from aug3d_core.study.page import chapters, write_page
@@ -16,9 +16,7 @@ from aug3d_core.study.page import chapters, write_page
 
 def write_study(store: Store, found: Findings) -> Path:
     """Write everything into a new folder, named by the study and the time in UTC; return it."""
-    name = f"{found.study.name}-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
-    folder = store.root / layout.STUDIES / found.scene / name
-    folder.mkdir(parents=True)
+    folder = timed_folder(store.root / layout.STUDIES / found.scene, f"{found.study.name}-")
     write_synced(folder / layout.STUDY_FINDINGS, json.dumps(as_json(found), indent=1).encode())
     found.scores.to_parquet(folder / layout.STUDY_SCORES, index=False)
     draw(found, folder / layout.STUDY_CHART)

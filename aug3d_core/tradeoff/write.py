@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
 from textwrap import fill
 
@@ -11,6 +10,7 @@ from aug3d_core.charts.front import draw
 from aug3d_core.charts.story import Part, tell
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.timed import timed_folder
 from aug3d_core.tradeoff.chart import charts
 from aug3d_core.tradeoff.findings import as_json, cache, table
 from aug3d_core.tradeoff.page import chapters, write_page
@@ -21,8 +21,7 @@ _WIDE = 160  # letters that the chart has room for
 
 def write_study(store: Store, found: Studied, machine: str) -> Path:
     """Write everything into a new folder, named by the time in UTC; return it."""
-    folder = store.root / layout.STUDIES / found.scene.name / f"tradeoff-{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
-    folder.mkdir(parents=True)
+    folder = timed_folder(store.root / layout.STUDIES / found.scene.name, "tradeoff-")
     write_synced(folder / layout.STUDY_FINDINGS, json.dumps(as_json(found, machine), indent=1).encode())
     table(found).to_parquet(folder / layout.STUDY_SCORES, index=False)
     draw(charts(found), _title(found, machine), folder / layout.STUDY_CHART)
