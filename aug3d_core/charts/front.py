@@ -134,7 +134,7 @@ def ticks(values: Sequence[float]) -> list[float]:
         decades = 10.0 ** np.arange(np.floor(np.log10(low)) - 1, np.ceil(np.log10(high)) + 2)
         series = np.sort(np.outer(decades, steps).ravel())
         first, last = np.searchsorted(series, low, "right") - 1, np.searchsorted(series, high)
-        if last - first >= 3:
+        if last - first > 3:  # three of them among the values
             break
     found = series[max(first, 0) : last + 1]
     return found[:: -(-len(found) // _MOST_TICKS)].tolist()
