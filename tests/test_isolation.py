@@ -38,10 +38,10 @@ def fail(tmp_path: Path, do: str, **changes: object) -> StageFailed:
 
 
 def test_a_good_stage_leaves_a_record_with_its_cost(tmp_path: Path) -> None:
-    record = run(tmp_path, "succeed")
+    record = run(tmp_path, "work")
     assert record.metrics["figure"] == 1.5
     assert record.seconds > 0 and record.peak_mib > 5
-    assert record.cpu_seconds is not None and 0 < record.cpu_seconds < 10 * record.seconds
+    assert record.cpu_seconds is not None and 0.2 < record.cpu_seconds < 10 * record.seconds
     assert set(record.files) == {"half"}
     assert record.series["curve"] == ((0, 1.0), (1, 2.0))
 
