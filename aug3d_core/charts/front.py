@@ -184,14 +184,10 @@ def _heights(axes: Axes, panel: Panel) -> None:
     if panel.log_y:
         axes.set_yscale("log")
     if panel.done:
-        ends = (
-            np.log10([min(panel.heights), max(panel.heights)])
-            if panel.log_y
-            else (min(panel.heights), max(panel.heights))
-        )
-        room = max(_ROOM * (ends[1] - ends[0]), _LEAST_ROOM)
-        low, high = ends[0] - room, ends[1] + room
-        axes.set_ylim(*(10.0 ** np.array([low, high]) if panel.log_y else (low, high)))
+        shown = np.log10(panel.heights) if panel.log_y else np.asarray(panel.heights)
+        room = max(_ROOM * float(np.ptp(shown)), _LEAST_ROOM)
+        ends = np.array([shown.min() - room, shown.max() + room])
+        axes.set_ylim(*(10.0**ends if panel.log_y else ends))
     if panel.lower_is_better:
         axes.invert_yaxis()
 

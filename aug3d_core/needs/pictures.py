@@ -35,7 +35,8 @@ def photo_px(known: Known) -> Decision:
         rule=f"{_PHOTO_OVER_VIEW} times the views' width, at least {_LEAST_PHOTO_PX} px; with fewer than {FEW_PHOTOS}"
         f" photographs not less than the preset's {preset} px",
         saves=f"{1 - share:.0%} of the pixels of photographs of {preset} px" if share < 1 else "",
-        costs="nothing on the town; 384 px cost 0.3 dB there (22.36 in place of 22.65, three seeds)"
+        costs="the town's cameras are 0.009 % of its extent off in place of 0.005 %; 384 px would cost auto 0.3 dB there (22.36"
+        " in place of 22.62, three seeds)"
         if share < 1
         else "",
     )
@@ -107,7 +108,9 @@ def plane_step(known: Known) -> Decision:
         measured="depth is interpolated between planes",
         rule=f"{_PLANE_STEP_PX:g} px of parallax from plane to plane",
         saves=f"{1 - preset / value:.0%} of the preset's planes" if value > preset else "",
-        costs="0.0002 of the F-score of the town's mesh" if value > preset else "",
+        costs="with depth maps of 192 px the F-score of the town's mesh fell from 0.921 to 0.913, with 512 px by 0.0002"
+        if value > preset
+        else "",
     )
 
 
