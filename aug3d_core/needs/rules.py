@@ -13,7 +13,7 @@ from aug3d_core.needs.decision import Decision, Known
 RULES: dict[str, Callable[[Known], Decision | None]] = {
     "photos.max_px": pictures.photo_px,
     "photos.least_motion": pictures.least_motion,
-    "matching.max_features": pictures.features,
+    "matching.first_octave": pictures.first_octave,
     "depth.max_px": pictures.depth_px,
     "depth.plane_step_px": pictures.plane_step,
     "surface.texel_gsd": pictures.texel,

@@ -5,7 +5,7 @@ from __future__ import annotations
 LEFT_OPEN = (
     "photos.max_px",
     "photos.least_motion",
-    "matching.max_features",
+    "matching.first_octave",
     "depth.max_px",
     "depth.plane_step_px",
     "surface.texel_gsd",

@@ -13,6 +13,12 @@ class MatchingConfig(StageConfig):
     """How many features, and which pairs of photographs are compared."""
 
     max_features: int = Field(default=4096, ge=256, le=65536, description="Most keypoints per photograph (SIFT).")
+    first_octave: int = Field(
+        default=-1,
+        ge=-1,
+        le=2,
+        description="Where SIFT begins: -1 at twice the photograph's size, 0 at its own, 1 at half.",
+    )
     pairs: Literal["auto", "exhaustive", "gps", "coarse"] = Field(
         default="auto",
         description="Compare all pairs, neighbours by GPS, or those that look alike to a coarse comparison; auto: all of "

@@ -49,6 +49,7 @@ def extract(photos: pd.DataFrame, images: Path, database: Path, config: Matching
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = threads()
     options.sift.max_num_features = config.max_features
+    options.sift.first_octave = config.first_octave
     names = [layout.image_name(photo_id) for photo_id in photos["photo_id"]]
     for start in range(0, len(names), _PHOTOS_PER_CALL):
         pycolmap.extract_features(database, images, names[start : start + _PHOTOS_PER_CALL], extraction_options=options)

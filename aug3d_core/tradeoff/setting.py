@@ -78,6 +78,7 @@ _VIRTUAL = ("sampling", "rendering", "dataset")
 _SIZE = ("sampling.width_px", "sampling.height_px")
 SETTINGS = (
     _poses("features per photograph", "matching.max_features", ("x1/4", "x1/2", "x1", "x2")),
+    _poses("first octave of SIFT", "matching.first_octave", ("1", "0", "-1")),
     _poses("size of the photographs (px)", "photos.max_px", ("x5/16", "x15/32", "x5/8"), ("photos", "matching", "sfm")),
     _poses("pair choice", "matching.pairs", ("exhaustive", "gps", "coarse")),
     _poses("mapper", "sfm.mapper", ("incremental", "global", "hierarchical"), ("sfm",)),

@@ -64,6 +64,15 @@ def differing_rows(first: Path, second: Path) -> list[tuple[str, Any]]:
     return sorted(found, key=str)
 
 
+def min_scale_px(files: Path) -> float:
+    """Return the scale of the smallest feature, in pixels."""
+    with pycolmap.Database.open(files / layout.FEATURES) as database:
+        shapes = np.concatenate([database.read_keypoints(image.image_id) for image in database.read_all_images()])[
+            :, 2:
+        ]
+    return float(np.sqrt(np.abs(shapes[:, 0] * shapes[:, 3] - shapes[:, 1] * shapes[:, 2])).min())
+
+
 def copy_some(flown: Path, folder: Path, which: Iterable[int]) -> Path:
     """Copy some photographs of the flight, as a user who has not taken the others yet."""
     folder.mkdir()
@@ -90,6 +99,14 @@ def test_metrics_and_table_agree(flown: tuple[Path, dict[str, Any]]) -> None:
     assert table["features"].median() == metrics["features_median"] > 1000
     assert table["photo_id"].tolist() == list(range(12))
     assert (metrics["photos_reused"], metrics["pairs_reused"]) == (0, 0)
+
+
+def test_photographs_as_they_are_show_no_feature_smaller_than_their_pixels(
+    flown: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    run_matching(flown[0] / "photos", tmp_path / "as_they_are", first_octave=0)
+    doubled_px, as_they_are_px = (min_scale_px(files_of(made)) for made in (flown[0] / "all", tmp_path / "as_they_are"))
+    assert doubled_px < 1 < 1.6 <= as_they_are_px
 
 
 def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

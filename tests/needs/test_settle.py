@@ -121,8 +121,8 @@ def test_a_stage_never_sees_that_something_was_open(store: Store) -> None:
 
 
 def test_pictures_are_as_fine_as_the_views_that_are_predicted(store: Store, tmp_path: Path) -> None:
-    assert settled(store, "photos").max_px == 480
-    assert settled(store, "photos", "dataset.width_px=400").max_px == 2000
+    assert settled(store, "photos").max_px == 576
+    assert settled(store, "photos", "dataset.width_px=400").max_px == 2400
     few = settle(STAGES["photos"], scene_config(AUTO), {}, store, folder_of(tmp_path, 12))
     assert few.config == scene_config(AUTO).photos, "few photographs keep all they have"
     assert "12 photographs" in few.decisions[0].measured
@@ -147,13 +147,12 @@ def test_photographs_that_show_nothing_new_are_left_out_unless_there_are_few(sto
         assert found.config.model_dump()["least_motion"] == least
 
 
-@pytest.mark.parametrize(("photos", "px", "features"), [(40, 480, 1022), (40, 2000, 4096), (39, 480, 4096)])
-def test_there_are_as_many_features_as_pixels_have_room_for(
-    photos: int, px: int, features: int, store: Store, tmp_path: Path
+@pytest.mark.parametrize(("photos", "first_octave"), [(40, 0), (39, -1)])
+def test_features_smaller_than_pixels_are_sought_in_few_photographs_only(
+    photos: int, first_octave: int, store: Store, tmp_path: Path
 ) -> None:
-    records = {"photos": record("photos", config={"max_px": px})}
-    found = settle(STAGES["matching"], scene_config(AUTO), records, store, folder_of(tmp_path, photos))
-    assert found.config.model_dump()["max_features"] == features
+    found = settle(STAGES["matching"], scene_config(AUTO), made(), store, folder_of(tmp_path, photos))
+    assert found.config.model_dump()["first_octave"] == first_octave
 
 
 def test_depth_is_never_finer_than_the_photographs(store: Store) -> None:
