@@ -66,7 +66,8 @@ def first_octave(known: Known) -> Decision | None:
         measured=f"{photos} photographs of {known.photo_px} px",
         rule=f"0: as large as they are, which finds about one feature for each 15 x 15 px; as the preset with fewer than"
         f" {FEW_PHOTOS} photographs",
-        saves="three quarters of the pixels that are searched, and the smallest half of the features: of the town's poses half the time",
+        saves="three quarters of the pixels that are searched, and the smallest half of the features; of the town's poses half"
+        " the time",
         costs="the town's cameras are 0.039 % of its extent off in place of 0.024 %: a twelfth of a view's pixel",
     )
 
