@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from aug3d_core.errors import StageFailed
+from aug3d_core.folds import Step, seen_from, stage_of, steps
 from aug3d_core.make import Material, gather, make
 from aug3d_core.needs.decision import Decision
 from aug3d_core.needs.settle import settle
@@ -26,27 +27,31 @@ def undamaged(stage: str, record: Record) -> Record:
 
 @dataclass(frozen=True)
 class Trial:
-    """The records of the stages that ran, by name, and why it ended early if it did: in words, and as StageFailed's cause."""
+    """The records of the steps that ran, by name, and why it ended early if it did: in words, and as StageFailed's cause."""
 
     records: Mapping[str, Record]
     failure: str = ""
     cause: str = ""
-    decisions: tuple[Decision, ...] = ()  # where the preset leaves settings open
+    decisions: tuple[Decision, ...] = ()  # where the preset leaves settings open; those of the first fold
 
-    def seconds(self, stages: Iterable[str]) -> float:
+    def of(self, stages: Collection[str]) -> list[Record]:
+        """Return the records of some stages, in every fold that was made."""
+        return [record for step, record in self.records.items() if stage_of(step).name in stages]
+
+    def seconds(self, stages: Collection[str]) -> float:
         """Return the wall time of some stages, whenever they ran."""
-        return sum(self.records[stage].seconds for stage in stages if stage in self.records)
+        return sum(record.seconds for record in self.of(stages))
 
-    def cpu_seconds(self, stages: Iterable[str]) -> float:
+    def cpu_seconds(self, stages: Collection[str]) -> float:
         """Return the processor time of some stages: what they cost whatever else the machine was doing."""
-        return sum(self.records[stage].cpu_seconds or 0.0 for stage in stages if stage in self.records)
+        return sum(record.cpu_seconds or 0.0 for record in self.of(stages))
 
-    def peak_mib(self, stages: Iterable[str]) -> float:
+    def peak_mib(self, stages: Collection[str]) -> float:
         """Return the highest memory of some stages."""
-        return max((self.records[stage].peak_mib for stage in stages if stage in self.records), default=0.0)
+        return max((record.peak_mib for record in self.of(stages)), default=0.0)
 
     def metric(self, stage: str, name: str) -> Metric:
-        """Return a figure of a stage, None if the stage did not finish."""
+        """Return a figure of a stage, in the first fold; None if the stage did not finish."""
         return self.records[stage].metrics[name] if stage in self.records else None
 
 
@@ -71,30 +76,34 @@ def run_trial(
     photos: Path | None = None,
     damage: Damage = undamaged,
     afresh: bool = False,
+    folds: bool = False,
 ) -> Trial:
     """Make every stage up to and with `until`, of the town or of a folder of photographs.
 
     A stage that fails ends the trial, not the benchmark: where a setting breaks is a result. afresh: no stage grows from
-    what an earlier trial made, so that the order of trials is nothing to the result.
+    what an earlier trial made, so that the order of trials is nothing to the result. folds: in every fold that the split
+    finds, not in the first alone.
     """
     config = scene.config(overrides)
     records: dict[str, Record] = {}
     decisions: tuple[Decision, ...] = ()
     material = Material(photos=photos)
-    for stage in material.stages():
-        settled = settle(stage, config, records, store, material)
-        sources, decisions = gather(store, stage, records, material), decisions + settled.decisions
+    stages = material.stages()
+    stages = stages[: next((i for i, stage in enumerate(stages, 1) if stage.name == until), len(stages))]
+    for step in steps(stages, records) if folds else map(Step, stages):
+        stage, seen = step.stage, seen_from(step, stages, records)
+        settled = settle(stage, config, seen, store, material)
+        sources = gather(store, stage, seen, material)
+        decisions += () if step.fold else settled.decisions
         try:
             made = make(
                 store,
                 replace(stage, grows=stage.grows and not afresh),
-                settled.config,
+                step.in_fold(settled.config) if folds else settled.config,
                 sources,
-                lambda done, total, what, name=stage.name: say(name, done, total, what),
+                lambda done, total, what, name=step.name: say(name, done, total, what),
             )
-            records[stage.name] = damage(stage.name, made)
+            records[step.name] = damage(stage.name, made)
         except StageFailed as failure:
             return Trial(records, failure.problem, failure.cause, decisions)
-        if stage.name == until:
-            break
     return Trial(records, decisions=decisions)

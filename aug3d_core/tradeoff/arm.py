@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from aug3d_core.bench.trial import Trial
+from aug3d_core.stage import Metric
 from aug3d_core.tradeoff.setting import Judge
 
 Mark = Literal["", "preset", "auto"]
@@ -35,13 +36,15 @@ class Arm:
 class Result:
     """What became of an arm with a seed.
 
-    found: how many of its objects were made before the study. held_out: PSNR (dB) of each test photograph, by its name.
+    found: how many of its objects were made before the study. figures: what the judging stage measured, over all folds.
+    held_out: PSNR (dB) of each test photograph, by its name.
     """
 
     arm: Arm
     seed: int
     trial: Trial
     found: int = 0
+    figures: Mapping[str, Metric] = field(default_factory=dict, compare=False)
     held_out: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
@@ -51,7 +54,7 @@ class Result:
 
     @property
     def costs(self) -> Mapping[str, float]:
-        """Processor seconds of each stage that counts, whenever it ran."""
+        """Processor seconds of each stage that counts, in all folds, whenever it ran."""
         return {stage: self.trial.cpu_seconds([stage]) for stage in self._paid}
 
     @property
@@ -72,7 +75,7 @@ class Result:
     @property
     def size_bytes(self) -> int:
         """Bytes that the outputs of the stages that count occupy."""
-        return sum(self.trial.records[stage].size_bytes for stage in self._paid)
+        return sum(record.size_bytes for record in self.trial.of(self._paid))
 
     @property
     def accuracy(self) -> float | None:
@@ -106,22 +109,22 @@ class Result:
     def notes(self) -> tuple[str, ...]:
         """What its stages warn of."""
         return tuple(
-            f"{stage}: {note}"
-            for stage, record in self.trial.records.items()
+            f"{step}: {note}"
+            for step, record in self.trial.records.items()
             if record.state == "degraded"
             for note in record.notes
         )
 
     def figure(self, name: str, per: str = "") -> float | None:
         """Return a figure of the judging stage as a number."""
-        record = self.trial.records.get(self.arm.judge.stage)
-        value = record.metrics.get(name) if record else None
+        value, over = self.figures.get(name), self.figures.get(per) if per else 1.0
         if not isinstance(value, int | float):
             return None
-        over = record.metrics.get(per) if record and per else 1.0
         return float(value) / float(over) if isinstance(over, int | float) and over else None
 
     @property
     def _paid(self) -> list[str]:
-        wanted = self.arm.stages or [stage for stage in self.trial.records if stage not in _TRUTH]
-        return [stage for stage in wanted if stage in self.trial.records]
+        made = dict.fromkeys(record.stage for record in self.trial.records.values())
+        if self.arm.stages:
+            return [stage for stage in self.arm.stages if stage in made]
+        return [stage for stage in made if stage not in _TRUTH]

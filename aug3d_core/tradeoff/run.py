@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from aug3d_core.bench.trial import Say, Trial, run_trial
+from aug3d_core.charts.pooled import pooled, test_views
 from aug3d_core.errors import StoreError
+from aug3d_core.stage import Metric
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from aug3d_core.tradeoff.arm import Arm, Result
 from aug3d_core.tradeoff.scene import StudiedScene
+from aug3d_core.tradeoff.setting import TEST_PSNR, Judge
 
 Objects = frozenset[tuple[str, str]]  # stage and key
 Done = Callable[[Result, int, int], None]  # a result, how many are done, of how many
@@ -28,27 +31,46 @@ def objects_there(store: Store) -> Objects:
 
 
 def make_arm(store: Store, scene: StudiedScene, arm: Arm, seed: int, there: Objects, say: Say) -> Result:
-    """Make an arm, or find it made; a stage that fails ends the arm, not the study, unless the disk is full."""
+    """Make an arm, or find it made; a stage that fails ends the arm, not the study, unless the disk is full.
+
+    What is tested on held-out photographs is made in all folds of the scene: one fold of few photographs tests two.
+    """
     own = scene.decided() if arm.mark == "auto" else scene.own
     seeds = (f"{field}={seed}" for field in arm.seeded if seed)  # repeat 0 is the scene's own seed
-    trial = run_trial(store, arm.judge.stage, own, (*arm.settings, *seeds), say, scene.photos, afresh=True)
+    trial = run_trial(
+        store,
+        arm.judge.stage,
+        own,
+        (*arm.settings, *seeds),
+        say,
+        scene.photos,
+        afresh=True,
+        folds=arm.judge.stage == TEST_PSNR.stage,
+    )
     if trial.cause in _ENDS_ALL:
         raise StoreError(trial.failure, "free some space, then run the same command again: it goes on where it was")
-    found = sum((stage, record.key) in there for stage, record in trial.records.items())
-    return Result(arm, seed, trial, found, _held_out(store, trial))
+    found = sum((record.stage, record.key) in there for record in trial.records.values())
+    return Result(arm, seed, trial, found, _figures(store, trial, arm.judge), _held_out(store, trial))
+
+
+def _figures(store: Store, trial: Trial, judge: Judge) -> Mapping[str, Metric]:
+    """Return what the judging stage measured, a test over all folds; nothing of what failed in one."""
+    judged = trial.of([judge.stage])
+    if trial.failure or not judged:
+        return {}
+    tested = judge.stage == TEST_PSNR.stage
+    return pooled([(record, store.files_dir(record)) for record in judged]) if tested else judged[0].metrics
 
 
 def _held_out(store: Store, trial: Trial) -> dict[str, float]:
-    """Return the PSNR (dB) of each test photograph, by the name of its file."""
-    if "evaluation" not in trial.records:
+    """Return the PSNR (dB) of each test photograph of all folds, by the name of its file."""
+    tests = trial.of([TEST_PSNR.stage])
+    if trial.failure or not tests:
         return {}
     photos = pd.read_parquet(
         store.files_dir(trial.records["photos"]) / layout.PHOTO_TABLE, columns=["photo_id", "name"]
     )
-    views = pd.read_parquet(
-        store.files_dir(trial.records["evaluation"]) / layout.TEST_VIEWS, columns=["photo_id", "psnr"]
-    )
-    told = views.merge(photos, on="photo_id")
+    told = test_views([store.files_dir(record) for record in tests]).merge(photos, on="photo_id")
     return dict(zip(told["name"].astype(str), told["psnr"].astype(float), strict=True))
 
 

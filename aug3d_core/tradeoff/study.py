@@ -48,7 +48,7 @@ class Studied:
 
     @property
     def test_photos(self) -> int:
-        """The number of photographs that the scene's own settings are tested on; of a scene in folds, the first's."""
+        """The number of photographs that the scene's own settings are tested on, in all folds."""
         own = [r for r in self.results if r.arm.panel == FACTORY and r.arm.mark == "preset"]
         return max((len(result.held_out) for result in own), default=0)
 
@@ -165,4 +165,4 @@ def _search(store: Store, found: Studied, there: Objects, say: Say, done: Done) 
 
 
 def _objects(result: Result) -> Mapping[object, float]:
-    return {(stage, result.trial.records[stage].key): cost for stage, cost in result.costs.items()}
+    return {(record.stage, record.key): record.cpu_seconds or 0.0 for record in result.trial.of([*result.costs])}

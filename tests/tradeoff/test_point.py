@@ -31,6 +31,7 @@ def result(
         Arm("panel", label, (), judge, stages=(judge.stage,), mark=mark),
         seed,
         Trial(records),
+        figures=metrics if records else {},
         held_out={test: figure or 0.0},
     )
 

@@ -59,6 +59,29 @@ def test_repeats_are_made_where_seeds_matter(tmp_path: Path) -> None:
     assert repeats == {"mapper": {1}, "render samples": {2}}
 
 
+def test_a_scene_in_folds_is_judged_and_paid_for_over_all_of_them(stages: Stages, tmp_path: Path) -> None:
+    stages.folds, stages.test_of = 2, lambda made: (1, 2, 3) if made["grouping"]["fold"] == 0 else (4,)
+    found = studied(tmp_path)
+    own = next(point for point in found.factory if point.arm.mark == "preset")
+    [first], [second] = ([own.results[0].held_out[f"photo {n}.jpg"] for n in some] for some in ((1,), (4,)))
+    assert found.test_photos == 4 and second == pytest.approx(first - 1), "the stand-in's second fold is harder"
+    assert own.accuracy == pytest.approx((3 * first + second) / 4), "every photograph counts alike"
+    costs = own.results[0].costs
+    assert costs["training"] == pytest.approx(2 * 350 * 60 / 1200) and costs["matching"] == 75.0
+    assert found.search is not None and found.search.trials[0].tried.training_s >= costs["training"] / 9
+    assert len(as_json(found, "m")["decisions"]) == 1
+
+
+def test_what_fails_in_one_fold_has_failed(stages: Stages, tmp_path: Path) -> None:
+    stages.folds = 2
+    stages.fails = lambda stage, made: (
+        "engine: no" if stage == "training" and made["grouping"]["fold"] and made["training"]["hidden"] == 32 else ""
+    )
+    found = studied(tmp_path)
+    narrow = [result for result in found.results if "training.hidden=32" in result.arm.settings]
+    assert narrow and all(result.trial.failure and result.accuracy is None for result in narrow)
+
+
 def test_times_are_those_of_the_stages_that_users_pay_for(stages: Stages, tmp_path: Path) -> None:
     found = studied(tmp_path)
     own = next(point for point in found.factory if point.arm.mark == "preset")
