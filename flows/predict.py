@@ -18,7 +18,7 @@ from aug3d_core.nerf.config import PredictionConfig
 from aug3d_core.stages import PREDICTION, TRAINING
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import last_version, object_of
+from aug3d_core.store.scenes import last_version, object_of, records_of
 from aug3d_core.store.store import Store
 from flows.refusal import typed_errors
 
@@ -68,6 +68,7 @@ def predict(
                 sources["given"] = _outside(poses)
             photos = poses or store.files_dir(object_of(store, version, "photos"))
             config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
+            config = config.model_copy(update={"input_views": _judged_with(store, version)})
             with Console(stderr=True).status("predicting ..."):
                 record = make(store, PREDICTION, config, sources, lambda done, total, what: None)
             files = _handed_over(store.files_dir(record), out)
@@ -116,6 +117,12 @@ def _config(
             f"--like {like} is among --inputs", "the view that is predicted cannot be an input: leave it out"
         )
     return PredictionConfig(inputs=ids, like=shown, at=at, look_at=look_at)
+
+
+def _judged_with(store: Store, version: Mapping[str, Any]) -> int:
+    """Return from how many photographs the scene's model predicted its test; untested, how many it was trained with."""
+    records = records_of(store, version)
+    return int((records.get("evaluation") or records["training"]).config["input_views"])
 
 
 def _place(option: str, text: str | None) -> tuple[float, float, float] | None:

@@ -29,4 +29,5 @@ RULES: dict[str, Callable[[Known], Decision | None]] = {
     "training.steps": network.steps,
     "training.warmup_steps": network.warmup_steps,
     "training.least_gain_db": network.least_gain,
+    "evaluation.input_views": views.input_views,
 }

@@ -21,4 +21,5 @@ LEFT_OPEN = (
     "training.steps",
     "training.warmup_steps",
     "training.least_gain_db",
+    "evaluation.input_views",
 )

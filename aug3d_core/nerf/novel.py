@@ -29,7 +29,7 @@ class NovelView:
     ground_seen_share: float
 
 
-def novel_view(scene: Scene, config: PredictionConfig, trained_with: int) -> NovelView:
+def novel_view(scene: Scene, config: PredictionConfig) -> NovelView:
     """Choose what the configuration leaves open: inputs near the view, or a view amid the inputs.
 
     Raises InputError if a photograph is not in the scene, or if the inputs show nothing of the view's ground.
@@ -46,12 +46,12 @@ def novel_view(scene: Scene, config: PredictionConfig, trained_with: int) -> Nov
         if config.at is not None and config.look_at is not None:
             pose = homogeneous(invert(look_at(np.array(config.at), np.array(config.look_at))))
         else:
-            inputs = inputs if len(inputs) else central(scene, photos)[:trained_with]
+            inputs = inputs if len(inputs) else central(scene, photos)[: config.input_views]
             pose = amid(scene, inputs)
     _check_above_ground(scene, pose)
     seen_from = inputs if len(inputs) else photos
     wider, (target,) = with_views(scene, pose[None], intrinsics, seen_from)
-    inputs = inputs if len(inputs) else most_alike(wider, target, photos)[:trained_with]
+    inputs = inputs if len(inputs) else most_alike(wider, target, photos)[: config.input_views]
     return NovelView(wider, int(target), inputs, _ground_seen_share(wider, target, inputs))
 
 

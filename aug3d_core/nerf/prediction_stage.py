@@ -32,7 +32,7 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
         scene = outside_scene(inputs["given"], scene)
     model = load_model(inputs["training"])
     torch.set_num_threads(len(os.sched_getaffinity(0)))
-    view = novel_view(scene, config, model.config.input_views)
+    view = novel_view(scene, config)
     progress(0, 1, "view")
     prediction = predict(model, view.scene, view.target, view.inputs, config.rays_per_batch)
     progress(1, 1, "view")
@@ -41,7 +41,7 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
     panels.save(panels.depth_colours(prediction.depth), out / layout.PREDICTION_DEPTH)
     panels.save(panels.novel_panel(view.scene, view.inputs, prediction, truth), out / layout.PREDICTION_PANEL)
     (out / layout.PREDICTION_VIEW).write_text(json.dumps(_described(view), indent=1))
-    notes = _notes(view, model.config.input_views) + _like_notes(view, config)
+    notes = _notes(view, config) + _like_notes(view, config)
     return Outcome(
         metrics=_metrics(view, prediction, truth),
         state="degraded" if view.ground_seen_share < LITTLE_SEEN else "ok",
@@ -68,10 +68,12 @@ def _described(view: NovelView) -> dict[str, object]:
     }
 
 
-def _notes(view: NovelView, trained_with: int) -> tuple[str, ...]:
+def _notes(view: NovelView, config: PredictionConfig) -> tuple[str, ...]:
     notes = []
-    if len(view.inputs) != trained_with:
-        notes.append(f"the view is predicted from {len(view.inputs)} inputs; the model was trained with {trained_with}")
+    if len(view.inputs) < config.input_views:
+        notes.append(
+            f"the view is predicted from {len(view.inputs)} inputs; the model was judged with {config.input_views}"
+        )
     if view.ground_seen_share < LITTLE_SEEN:
         notes.append(f"the inputs show only {view.ground_seen_share:.0%} of the ground in view; the rest is made up")
     return tuple(notes)

@@ -68,9 +68,9 @@ def test_it_repeats_to_the_byte(made, tmp_path):
         assert cmp(one, tmp_path / "two" / one.name, shallow=False)
 
 
-def test_other_inputs_than_it_was_trained_with_are_said(made, tmp_path):
+def test_fewer_inputs_than_it_was_judged_with_are_said(made, tmp_path):
     assert predicted(made, tmp_path, inputs=(8, 14)).notes == (
-        "the view is predicted from 2 inputs; the model was trained with 3",
+        "the view is predicted from 2 inputs; the model was judged with 3",
     )
 
 
@@ -92,7 +92,7 @@ def home(made, tmp_path_factory):
     """Return a store with a version of a scene named toy, whose model is the network that was not trained."""
     store = Store(tmp_path_factory.mktemp("home"))
     fields = {
-        "recipe": "r", "config": {}, "inputs": {}, "versions": {}, "metrics": {}, "state": "ok", "notes": (),
+        "recipe": "r", "config": {"input_views": 4}, "inputs": {}, "versions": {}, "metrics": {}, "state": "ok", "notes": (),
         "series": {}, "pictures": {}, "seconds": 1.0, "peak_mib": 1.0,
     }  # fmt: skip
     records = {}
@@ -117,6 +117,10 @@ def test_the_command_writes_the_view_where_it_is_wanted(home, tmp_path):
     assert told["inputs"] == [8, 14, 13]
     assert {path.name for path in tmp_path.iterdir()} == {"view.png", "view_depth.png", "view_panel.png"}
     assert told["picture"] == str(tmp_path / "view.png")
+
+
+def test_a_view_is_predicted_from_as_many_photographs_as_the_model_was_judged_with(home):
+    assert len(json.loads(invoke("toy", "--home", home, "--json").stdout)["inputs"]) == 4
 
 
 def test_the_command_tells_people_what_it_did(home):

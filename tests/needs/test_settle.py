@@ -40,7 +40,7 @@ def made(**metrics: Any) -> dict[str, Record]:
     figures: dict[str, dict[str, Any]] = {
         "town": {"photos": 60},
         "sfm": {"registered": 60},
-        "grouping": {"k": 15},
+        "grouping": {"k": 15, "support_views": 11},
         "surface": {"render_psnr": 33.0, "covered_share": 0.95},
         "dataset": {"groups_real": 31, "groups_rendered": 3},
     }
@@ -153,6 +153,16 @@ def test_features_smaller_than_pixels_are_sought_in_few_photographs_only(
 ) -> None:
     found = settle(STAGES["matching"], scene_config(AUTO), made(), store, folder_of(tmp_path, photos))
     assert found.config.model_dump()["first_octave"] == first_octave
+
+
+@pytest.mark.parametrize(("k", "support", "given"), [(15, 11, 6), (6, 11, 5), (10, 2, 2)])
+def test_a_view_is_predicted_from_twice_as_many_as_were_trained_with_if_there_are_so_many(
+    k: int, support: int, given: int, store: Store
+) -> None:
+    figures = {"grouping__k": k, "grouping__support_views": support}
+    assert settled(store, "evaluation", **figures).input_views == given
+    assert settled(store, "evaluation", "training.input_views=2", **figures).input_views == min(given, 4)
+    assert settled(store, "evaluation", "evaluation.input_views=1", **figures).input_views == 1
 
 
 def test_depth_is_never_finer_than_the_photographs(store: Store) -> None:

@@ -60,7 +60,7 @@ def test_they_are_the_views_that_were_given(scene, given):
 
 
 def test_a_view_is_predicted_from_them_as_from_a_scene_s(scene, given):
-    view = novel_view(outside_scene(given, scene), PredictionConfig(), trained_with=3)
+    view = novel_view(outside_scene(given, scene), PredictionConfig())
     assert sorted(view.inputs) == [0, 1, 2]
     assert view.ground_seen_share > 0.5
 
