@@ -29,9 +29,9 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
     pycolmap.logging.minloglevel = 1
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
     image_sha256 = reuse.digests(photos, images)
-    earlier = reuse.best_earlier(image_sha256, inputs.get(layout.EARLIER))
     clock = _Clock()
     with tempfile.TemporaryDirectory(dir=out) as scratch:
+        earlier = reuse.best_earlier(image_sha256, inputs.get(layout.EARLIER), Path(scratch))
         database = Path(scratch) / layout.FEATURES
         features.make_database(photos, images, database)
         reused = np.zeros(len(photos), bool)

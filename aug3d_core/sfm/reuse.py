@@ -8,7 +8,8 @@ the pair's order and its cameras. Where one of these changed, the matches are co
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from jaxtyping import Bool, Int
 from aug3d_core.sfm.matching_table import read_matching_table
 from aug3d_core.store import layout
 
+_EARLIER = "earlier.db"
+
 
 @dataclass(frozen=True)
 class Earlier:
-    """An earlier database, and for each photograph of today the one it was there (-1: not there)."""
+    """A copy of an earlier database, and for each photograph of today the one it was there (-1: not there)."""
 
     database: Path
     was: Int[np.ndarray, " n"]
@@ -39,8 +42,11 @@ def digests(photos: pd.DataFrame, images: Path) -> list[str]:
     return [hashlib.sha256((images / name).read_bytes()).hexdigest() for name in names]
 
 
-def best_earlier(image_sha256: list[str], folder: Path | None) -> Earlier | None:
-    """Return the earlier output that shares most photographs, the newest of equals; None if none shares any."""
+def best_earlier(image_sha256: list[str], folder: Path | None, scratch: Path) -> Earlier | None:
+    """Return the earlier output that shares most photographs, the newest of equals; None if none shares any.
+
+    Its database is copied into a scratch folder: to open it would write to it, and what is stored never changes.
+    """
     best: Earlier | None = None
     for files in sorted(folder.iterdir()) if folder is not None and folder.exists() else []:
         table = read_matching_table(files)
@@ -48,7 +54,7 @@ def best_earlier(image_sha256: list[str], folder: Path | None) -> Earlier | None
         found = Earlier(files / layout.FEATURES, np.array([was_there.get(digest, -1) for digest in image_sha256], int))
         if found.known.sum() > (0 if best is None else best.known.sum()):
             best = found
-    return best
+    return best and replace(best, database=Path(shutil.copy(best.database, scratch / _EARLIER)))
 
 
 def copy_features(earlier: Earlier, database: Path) -> None:
