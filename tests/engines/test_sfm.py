@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pycolmap
 import pytest
 from engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
-from engines.sfm_runs import loaded, run_sfm, take_photos
+from engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
 from PIL import Image
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
@@ -20,6 +22,7 @@ from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.stage import run as take_in
+from aug3d_core.store import layout
 
 pytestmark = pytest.mark.slow
 
@@ -39,6 +42,13 @@ def true_poses(world: dict[str, Any]) -> np.ndarray:
     cameras = poses()
     cameras[:, :, 3] -= cameras[:, :, :3] @ moved
     return cameras
+
+
+def aside(cam_from_world: np.ndarray, east_m: float) -> np.ndarray:
+    """Return cameras moved to the east."""
+    moved = cam_from_world.copy()
+    moved[:, :, 3] -= moved[:, :, 0] * east_m
+    return moved
 
 
 def test_every_camera_is_where_and_how_it_was(flown: tuple[Path, dict[str, Any]]) -> None:
@@ -122,6 +132,32 @@ def test_photographs_held_together_by_few_points_are_doubted(
     outcome = run_sfm(tmp_path / "photos", tmp_path / "sfm", max_features=256)
     assert outcome["state"] == "degraded"
     assert any("12 photographs that see" in note and "loosely (wanted: 8 and 100)" in note for note in outcome["notes"])
+
+
+def test_matches_that_contradict_the_poses_are_told(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    assert flown[1]["metrics"]["matches_explained_share"] > 0.98
+    matching = shutil.copytree(flown[0] / "sfm_matching" / "files", tmp_path / "matching")
+    with pycolmap.Database.open(matching / layout.FEATURES) as database:
+        for pair_id, geometry in zip(*database.read_two_view_geometries(), strict=True):
+            if len(geometry.inlier_matches) < 150:
+                pair = pycolmap.pair_id_to_image_pair(pair_id)
+                alike = np.arange(min(map(database.num_keypoints_for_image, pair)) // 4, dtype=np.uint32)
+                geometry.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
+                geometry.inlier_matches = np.column_stack([alike, alike[::-1]])
+                database.update_two_view_geometry(*pair, geometry)
+    outcome = run_stage("sfm", tmp_path / "sfm", {"photos": flown[0] / "photos", "matching": matching})
+    assert outcome["metrics"]["matches_explained_share"] < 0.9
+    assert outcome["state"] == "degraded"
+    assert any("of the matches contradict the poses: things that look alike" in note for note in outcome["notes"])
+
+
+def test_parts_that_few_points_join_are_told(tmp_path: Path) -> None:
+    cameras = np.concatenate([aside(poses(3, 2, seed=1), -39), aside(poses(3, 2, seed=2), 39)])
+    photos = take_photos(write_flight(tmp_path / "in", cameras, noise_m=0.2), tmp_path / "photos")
+    outcome = run_sfm(photos, tmp_path / "sfm")
+    assert (outcome["metrics"]["registered"], outcome["state"]) == (12, "degraded")
+    assert outcome["metrics"]["weakest_joint_share"] < 0.3
+    assert any("6 photographs and the other 6 are joined by" in note for note in outcome["notes"])
 
 
 def test_without_gps_the_world_is_level_scene_units(tmp_path: Path) -> None:
