@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from aug3d_core.geometry.transforms import centres
 
@@ -24,7 +26,10 @@ _PARALLEL_DEG, _ALIKE_DEG = 10.0, 3.0  # off their common direction, and off it 
 
 @dataclass(frozen=True)
 class Doming:
-    """Height of the bowl over the flight's extent, and its standard error, in percent of that extent; what told of it."""
+    """Height of the bowl over the flight's extent, and its standard error, in percent of that extent; what told of it.
+
+    The error is larger where few cameras tell it, so that three of it are passed by chance once in 370 flights, however few.
+    """
 
     pct: float
     sigma_pct: float
@@ -65,11 +70,17 @@ def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n
     for _ in range(_ROUNDS):  # towards least absolute deviations, which wild altitudes hardly move
         weight = 1 / np.maximum(np.abs(off - basis @ fit), 1e-6 * extent)
         fit = np.linalg.lstsq(basis * weight[:, None] ** 0.5, off * weight**0.5, rcond=None)[0]
-    scale = max(1.4826 * float(np.median(np.abs(off - basis @ fit))), 1e-9 * extent)
-    used = np.abs(off - basis @ fit) <= 3 * scale
+    # The fit goes through as many cameras as it has terms; what these leave says nothing of the noise (Holland, Welsch 1977)
+    left = np.sort(np.abs(off - basis @ fit))[basis.shape[1] :]
+    used = np.abs(off - basis @ fit) <= 4 * max(1.4826 * float(np.median(left)), 1e-9 * extent)
+    free = int(used.sum()) - basis.shape[1]
+    if free < 1:
+        return None
     fit = np.linalg.lstsq(basis[used], off[used], rcond=None)[0]
+    noise = float(np.sqrt(((off - basis @ fit)[used] ** 2).sum() / free))
     covariance = np.linalg.pinv(basis[used].T @ basis[used])
-    doming = Doming(100 * float(fit[3]) / extent, 100 * scale * float(np.sqrt(covariance[3, 3])) / extent)
+    few = float(student.ppf(norm.cdf(3), free)) / 3  # three errors of an estimate from few cameras happen more often
+    doming = Doming(100 * float(fit[3]) / extent, 100 * few * noise * float(np.sqrt(covariance[3, 3])) / extent)
     return doming if doming.sigma_pct <= MOST_PCT else None
 
 
