@@ -66,7 +66,7 @@ def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) ->
     trial = _thinned(model)
     held_out = _hold_out(trial)
     if not held_out:  # nothing is seen three times, so nothing can be told
-        final = _final(model, SIMPLEST, priors if known else {})
+        final = _without_wrong_points(_adjusted(model, SIMPLEST, priors if known else {}))
         return Chosen(final, SIMPLEST, EXIF if known else REFINED, {})
     heldout_px = {}
     for focal_from in (EXIF, REFINED) if known else (REFINED,):
@@ -76,22 +76,25 @@ def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) ->
     best = {focal_from: _smallest(heldout_px, focal_from) for _, focal_from in heldout_px}
     kept = known and heldout_px[best[EXIF], EXIF] <= _WORTH_FOCAL * heldout_px[best[REFINED], REFINED]
     focal_from = EXIF if kept else REFINED
-    final = _final(model, best[focal_from], priors if kept else {})
+    final = _without_wrong_points(_adjusted(model, best[focal_from], priors if kept else {}))
     return Chosen(final, best[focal_from], focal_from, heldout_px)
 
 
 def as_it_was(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
-    """Return a model whose cameras were chosen before, as it is."""
+    """Return a model whose cameras were chosen before, adjusted with the cameras as they are."""
+    model = pycolmap.Reconstruction(model)
+    adjust(model, refine_focal_length=False, refine_distortion=False)
+    _without_wrong_points(model)
     priors = _priors(model, photos)
     cameras = {camera_id: model.camera(camera_id) for camera_id in _used_cameras(model)}
     kept = all(camera.mean_focal_length() == priors.get(camera_id) for camera_id, camera in cameras.items())
     return Chosen(model, next(iter(cameras.values())).model_name, EXIF if kept else REFINED, {})
 
 
-def adjust(model: pycolmap.Reconstruction, refine_focal_length: bool) -> None:
+def adjust(model: pycolmap.Reconstruction, refine_focal_length: bool, refine_distortion: bool = True) -> None:
     """Adjust all poses, points and cameras in place, so that wrong matches weigh little."""
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = refine_focal_length
+    options.refine_focal_length, options.refine_extra_params = refine_focal_length, refine_distortion
     options.print_summary = False
     options.ceres.solver_options.num_threads = THREADS
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
@@ -121,12 +124,11 @@ def _adjusted(model: pycolmap.Reconstruction, camera_model: str, focal_px: dict[
     return copy
 
 
-def _final(model: pycolmap.Reconstruction, camera_model: str, focal_px: dict[int, float]) -> pycolmap.Reconstruction:
-    """Return the model adjusted, without what then turns out to be wrong."""
-    final = _adjusted(model, camera_model, focal_px)
-    pycolmap.ObservationManager(final).filter_all_points3D(_MOST_PX, _LEAST_ANGLE_DEG)
-    final.update_point_3d_errors()
-    return final
+def _without_wrong_points(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+    """Take out what turned out to be wrong, in place."""
+    pycolmap.ObservationManager(model).filter_all_points3D(_MOST_PX, _LEAST_ANGLE_DEG)
+    model.update_point_3d_errors()
+    return model
 
 
 def _thinned(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:

@@ -14,7 +14,6 @@ from aug3d_core.photos.table import read_photos
 from aug3d_core.sfm import export
 from aug3d_core.sfm.camera_model import EXIF, Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
-from aug3d_core.sfm.explained import explained_share
 from aug3d_core.sfm.grow import find_earlier
 from aug3d_core.sfm.joint import Joint, weakest_joint
 from aug3d_core.sfm.mapping import Mapped, reconstruct
@@ -29,9 +28,6 @@ _LEAST_PLACED = 0.8
 # Below either, lens and poses hold each other up: five photographs had poses off by 4 degrees, six by 0.7, eight by 0.2; 50
 # and 16 points in a photograph (the median) by 4 and 41, 125 by 0.7 (`aug3d study stability --only overlap`)
 _FEW_PLACED, _FEW_POINTS = 8, 100
-# Identical houses: 0.82 to 0.93, and in one flight of 18 poses off by 10 degrees at 0.85; towns 0.945 and more, brighton and
-# ochota 0.984 and more (`aug3d study stability --only identical --seeds 4`)
-_LEAST_EXPLAINED = 0.9
 # A hinge: halves of a town over a gap that few photographs look across, or joined by a thing that stands in both, are turned by
 # 0.3 to 26 degrees at 0.07 to 0.28 (`--only islands`); towns have 0.7 and more, ochota 0.5, brighton 0.9
 _LEAST_JOINT = 0.3
@@ -51,12 +47,11 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         may_be_one_spot = refuse_one_spot(database)
         earlier = find_earlier(photos, database, inputs.get(layout.EARLIER))
         mapped = reconstruct(images, database, photos, config, progress, earlier and earlier.model)
-        if not mapped.models:
-            raise nothing_found(matching)
-        progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
-        largest = mapped.models[0]
-        chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
-        explained = explained_share(chosen.model, database)
+    if not mapped.models:
+        raise nothing_found(matching)
+    progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
+    largest = mapped.models[0]
+    chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
     alignment, arrays = align_model(chosen.model, photos, np.random.default_rng(config.seed))
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
     write_outputs(chosen.model, arrays, mapped.models[1:], alignment, photos, images, out, known)
@@ -69,13 +64,12 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     metrics |= {
         "components": len(mapped.models),
         "grown_from": len(earlier.images) if earlier else 0,
-        "matches_explained_share": explained,
         "weakest_joint_points": joint and joint.points,
         "weakest_joint_share": joint and joint.share,
     }
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
-    doubts = _doubts(arrays, joint, explained)
+    doubts = _doubts(arrays, joint)
     if may_be_one_spot and chosen.focal_from != EXIF and not alignment.metric:
         doubts.append(_SPOT_NOTE)
     return Outcome(
@@ -92,7 +86,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     )
 
 
-def _doubts(arrays: export.Arrays, joint: Joint | None, explained: float | None) -> list[str]:
+def _doubts(arrays: export.Arrays, joint: Joint | None) -> list[str]:
     """Say what may have led poses astray though everything fits."""
     doubts, placed = [], len(arrays.views)
     seen = float(np.median(np.bincount(arrays.tracks.view, minlength=placed)))
@@ -106,11 +100,6 @@ def _doubts(arrays: export.Arrays, joint: Joint | None, explained: float | None)
             f"{joint.photos} photographs and the other {placed - joint.photos} are joined by {joint.points} points, "
             f"{100 * joint.share:.0f} % of what one photograph sees (wanted: {100 * _LEAST_JOINT:.0f} %): one part may be "
             "turned against the other; photographs that show both would hold them"
-        )
-    if explained is not None and explained < _LEAST_EXPLAINED:
-        doubts.append(
-            f"{100 * (1 - explained):.0f} % of the matches contradict the poses: things that look alike (houses of one kind, "
-            "panels, rows of crops) were taken for one, and poses may be wrong; fly so that more of what is unlike is seen"
         )
     return doubts
 
