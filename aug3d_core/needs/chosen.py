@@ -71,13 +71,14 @@ def _sfm(record: Record) -> Iterator[Decision]:
         )
     if m.get("focal_source"):
         focal, ratio = _number(m.get("focal_px")), _number(m.get("focal_exif_over_refined_error"))
+        moved = 100 * (_number(m.get("focal_moved_share")) or 0.0)
         yield Decision(
             field="sfm.focal",
             value=m["focal_source"] if focal is None else f"{focal:,.1f} px, {m['focal_source']}",
             measured="photographs state none"
             if ratio is None
-            else f"held-out error with that of EXIF is {ratio:.2f} times that with a fitted one",
-            rule="what photographs state, unless a fitted one foretells more",
+            else f"held-out error with that of EXIF is {ratio:.2f} times that with a fitted one, {moved:.2g} % off",
+            rule="what photographs state, unless a fitted one gains more than it moves, and more than 3 %",
         )
     if m.get("up_from"):
         up = str(m["up_from"])

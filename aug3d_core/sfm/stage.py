@@ -117,6 +117,7 @@ def _choices(mapped: Mapped, chosen: Chosen) -> dict[str, Metric]:
         "mapper_reason": mapped.reason,
         "focal_source": chosen.focal_from,
         "focal_exif_over_refined_error": chosen.exif_over_refined,
+        "focal_moved_share": chosen.focal_moved_share,
     } | heldout_px
 
 

@@ -70,7 +70,7 @@ def test_the_model_is_as_big_as_the_lens(lens: str) -> None:
     assert chosen.model.compute_mean_reprojection_error() < 0.8
 
 
-@pytest.mark.parametrize("focal_px", [250.0, 1000.0])
+@pytest.mark.parametrize("focal_px", [250.0, 505.0, 525.0, 1000.0])
 def test_a_wrong_focal_length_is_freed(focal_px: float) -> None:
     model = mapped_with_the_simplest("SIMPLE_RADIAL")
     chosen = choose_camera_model(model, photos(model, focal_px))
@@ -78,6 +78,7 @@ def test_a_wrong_focal_length_is_freed(focal_px: float) -> None:
     assert chosen.model.camera(1).focal_length == pytest.approx(FOCAL_PX, rel=0.01)
     assert chosen.exif_over_refined is not None
     assert chosen.exif_over_refined > 1.03
+    assert chosen.focal_moved_share == pytest.approx(abs(FOCAL_PX / focal_px - 1), abs=0.01)
 
 
 def test_a_missing_focal_length_is_freed() -> None:
