@@ -78,7 +78,7 @@ def _sfm(record: Record) -> Iterator[Decision]:
             measured="photographs state none"
             if ratio is None
             else f"held-out error with that of EXIF is {ratio:.2f} times that with a fitted one, {moved:.2g} % off",
-            rule="what photographs state, unless a fitted one gains more than it moves, and more than 3 %",
+            rule="what photographs state, unless a fitted one gains half of what it moves, and 2 %",
         )
     if m.get("up_from"):
         up = str(m["up_from"])
