@@ -61,6 +61,11 @@ class Chosen:
     exif_over_refined: float | None = None
     focal_moved_share: float | None = None
 
+    @property
+    def focal_known(self) -> bool:
+        """Whether EXIF states a focal length that the photographs do not contradict, be it kept or not."""
+        return self.focal_from == EXIF and (self.exif_over_refined or 1.0) - 1 <= _WORTH_FOCAL
+
 
 def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
     """Return a copy of the model, mapped with the simplest camera, adjusted with the camera that predicts it best."""

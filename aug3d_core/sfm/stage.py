@@ -12,7 +12,7 @@ import pycolmap
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.photos.table import read_photos
 from aug3d_core.sfm import export
-from aug3d_core.sfm.camera_model import EXIF, Chosen, as_it_was, choose_camera_model
+from aug3d_core.sfm.camera_model import Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.grow import find_earlier
 from aug3d_core.sfm.joint import Joint, weakest_joint
@@ -70,7 +70,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
     doubts = _doubts(arrays, joint)
-    if may_be_one_spot and chosen.focal_from != EXIF and not alignment.metric:
+    if may_be_one_spot and not chosen.focal_known and not alignment.metric:
         doubts.append(_SPOT_NOTE)
     return Outcome(
         metrics=metrics,
