@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from aug3d_core.tradeoff.study import Studied
 
 _WIDTH = 140
-WORST = ("auto_regret_db", "auto_time_ratio", "search_cost_ratio", "search_regret_db")
+WORST = ("auto_regret_db", "auto_time_ratio", "search_cost_ratio", "search_found_ratio", "search_regret_db")
 
 
 def study_tradeoff(
@@ -120,9 +120,10 @@ def print_findings(console: Console, found: Studied, folder: Path) -> None:
     if not console.is_terminal:
         console.width = max(console.width, _WIDTH)
     if found.factory:
-        auto = [found.auto] if found.auto else []
+        front = on_front(found.whole)
+        auto = [point for point in found.whole if point.arm.mark == "auto" and point not in front]
         title = f"{found.scene.name}: what nothing beats in both, and auto"
-        console.print(_table(title, [*on_front(found.factory), *auto]))
+        console.print(_table(title, [*front, *auto]))
         console.print(in_words(found), markup=False, highlight=False, soft_wrap=True)
         for name, value in {**against_best(found), **search_against_grid(found)}.items():
             console.print(f"{name} {'-' if value is None else f'{value:.2f}'}", highlight=False)

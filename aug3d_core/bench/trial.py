@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from aug3d_core.errors import StageFailed
+from aug3d_core.errors import StageFailed, StoreError
 from aug3d_core.folds import Step, seen_from, stage_of, steps
 from aug3d_core.make import Material, gather, make
 from aug3d_core.needs.decision import Decision
@@ -27,12 +27,19 @@ def undamaged(stage: str, record: Record) -> Record:
 
 @dataclass(frozen=True)
 class Trial:
-    """The records of the steps that ran, by name, and why it ended early if it did: in words, and as StageFailed's cause."""
+    """The records of the steps that ran, by name, and why it ended early if it did: in words, as StageFailed's cause, and at
+    which stage.
+
+    decisions: where the preset leaves settings open; those of the first fold. damaged: what stages made whole, where what
+    `records` has in its place is damaged.
+    """
 
     records: Mapping[str, Record]
     failure: str = ""
     cause: str = ""
-    decisions: tuple[Decision, ...] = ()  # where the preset leaves settings open; those of the first fold
+    at: str = ""
+    decisions: tuple[Decision, ...] = ()
+    damaged: tuple[Record, ...] = ()
 
     def of(self, stages: Collection[str]) -> list[Record]:
         """Return the records of some stages, in every fold that was made."""
@@ -82,11 +89,12 @@ def run_trial(
 
     A stage that fails ends the trial, not the benchmark: where a setting breaks is a result. afresh: no stage grows from
     what an earlier trial made, so that the order of trials is nothing to the result. folds: in every fold that the split
-    finds, not in the first alone.
+    finds, not in the first alone. Raises StoreError where every other trial would fail too.
     """
     config = scene.config(overrides)
     records: dict[str, Record] = {}
     decisions: tuple[Decision, ...] = ()
+    damaged: tuple[Record, ...] = ()
     material = Material(photos=photos)
     stages = material.stages()
     stages = stages[: next((i for i, stage in enumerate(stages, 1) if stage.name == until), len(stages))]
@@ -104,6 +112,16 @@ def run_trial(
                 lambda done, total, what, name=step.name: say(name, done, total, what),
             )
             records[step.name] = damage(stage.name, made)
+            damaged += () if records[step.name] is made else (made,)
         except StageFailed as failure:
-            return Trial(records, failure.problem, failure.cause, decisions)
-    return Trial(records, decisions=decisions)
+            ends_all(failure)
+            return Trial(records, failure.problem, failure.cause, failure.stage, decisions, damaged)
+    return Trial(records, decisions=decisions, damaged=damaged)
+
+
+def ends_all(failure: StageFailed) -> None:
+    """Raise StoreError where every other trial would fail too, whatever its settings."""
+    if failure.cause == "disk":
+        raise StoreError(
+            failure.problem, "free some space, then run the same command again: it goes on where it was"
+        ) from failure

@@ -92,7 +92,7 @@ class Panel:
     @property
     def log_y(self) -> bool:
         """Whether the accuracy is drawn on a log axis: errors span decades."""
-        return self.lower_is_better and bool(self.done) and all((dot.accuracy or 0.0) > 0 for dot in self.done)
+        return self.lower_is_better and bool(self.done) and min(self.heights) > 0
 
     @property
     def axis_name(self) -> str:

@@ -36,8 +36,8 @@ def panel_html(panel: Panel) -> str:
             marker={"size": 5, "color": FRONT},
         )  # fmt: skip
     for mark in _CALLED:
-        _dots(figure, mark, [dot for dot in panel.done if dot.mark == mark and not dot.off], off=False)
-    _dots(figure, "", [dot for dot in panel.done if dot.off], off=True)
+        for off in (False, True):
+            _dots(figure, mark, [dot for dot in panel.done if dot.mark == mark and dot.off == off], off)
     _failures(figure, panel)
     return figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
 
@@ -73,11 +73,11 @@ def _range(values: Sequence[float], log: bool) -> list[float]:
 
 def _floor(panel: Panel) -> float:
     """Return where failures lie: below everything else."""
-    known = [dot.accuracy or 0.0 for dot in panel.done] or [1.0]
-    if panel.log_y:
-        return max(known) * (max(known) / min(known)) ** _FLOOR_SHARE
-    room = _FLOOR_SHARE * (max(known) - min(known))
-    return max(known) + room if panel.lower_is_better else min(known) - room
+    known = panel.heights or [1.0]
+    shown = np.log10(known) if panel.log_y else np.asarray(known)
+    room = max(_FLOOR_SHARE * float(np.ptp(shown)), _LEAST_ROOM)
+    floor = float(shown.max()) + room if panel.lower_is_better else float(shown.min()) - room
+    return 10.0**floor if panel.log_y else floor
 
 
 def _dots(figure: go.Figure, mark: str, dots: Sequence[Dot], off: bool) -> None:
@@ -87,19 +87,20 @@ def _dots(figure: go.Figure, mark: str, dots: Sequence[Dot], off: bool) -> None:
         x=[dot.seconds for dot in dots],
         y=[dot.accuracy for dot in dots],
         mode="markers",
-        name="another test" if off else _CALLED[mark],
+        name=f"{_CALLED[mark]}, another test" if off else _CALLED[mark],
         text=[dot.hover or dot.label for dot in dots],
         hovertemplate="%{text}<extra></extra>",
         marker={
             "size": 16 if mark == "chosen" else 10,
-            "color": COLOURS[dots[0].mark],
+            "color": COLOURS[mark],
             "symbol": _SHAPES[mark] + ("-open" if off else ""),
         },
         error_y={
             "type": "data",
             "symmetric": False,
-            "array": [dot.interval[1] - (dot.accuracy or 0.0) if dot.interval else 0.0 for dot in dots],
-            "arrayminus": [(dot.accuracy or 0.0) - dot.interval[0] if dot.interval else 0.0 for dot in dots],
+            # The dot is a median and the interval of a mean: it may lie to one side of the dot
+            "array": [max(dot.interval[1] - (dot.accuracy or 0.0), 0.0) if dot.interval else 0.0 for dot in dots],
+            "arrayminus": [max((dot.accuracy or 0.0) - dot.interval[0], 0.0) if dot.interval else 0.0 for dot in dots],
             "thickness": 0.6,
             "width": 0,
         },

@@ -20,8 +20,8 @@ _AS_SET = "as set"
 
 
 def chosen_by(record: Record) -> Iterator[Decision]:
-    """Yield what a stage chose, and what was set in its place."""
-    yield from _CHOICES.get(record.stage, _nothing)(record)
+    """Yield what a stage chose, and what was set in its place; nothing of what its record does not tell."""
+    yield from (told for told in _CHOICES.get(record.stage, _nothing)(record) if told.value is not None)
 
 
 def _nothing(_: Record) -> Iterator[Decision]:
@@ -109,10 +109,11 @@ def _grouping(record: Record) -> Iterator[Decision]:
         field="grouping.gap_footprints", value=None if gap is None else round(gap, 2), measured=narrowed,
         rule="as wide as leaves enough to train on",
     )  # fmt: skip
-    folds = int(_number(m.get("folds")) or 1)
+    told = _number(m.get("folds"))
+    folds = None if told is None else int(told)
     small, enough = "a small scene is tested on all of it, block by block", "one test block holds enough photographs"
     tested = f"{m.get('target_views')} test photographs in this block"
-    yield Decision(field="grouping.folds", value=folds, measured=tested, rule=small if folds > 1 else enough)
+    yield Decision(field="grouping.folds", value=folds, measured=tested, rule=small if folds != 1 else enough)
 
 
 def _depth(record: Record) -> Iterator[Decision]:

@@ -78,8 +78,12 @@ class Known:
             return None
         return training_photos(sfm, grouping, self.config.training.input_views)
 
-    @property
+    @cached_property
     def photo_px(self) -> int:
-        """The longest side that a photograph is worked on with, at most, px."""
-        record = self.records.get("photos")
-        return int(record.config["max_px"]) if record else self.config.photos.max_px
+        """The longest side that any photograph is worked on with, px; while none is read, what it is at most."""
+        from aug3d_core.photos.table import read_photos  # with pandas, which most commands do without
+
+        folder = self.folder("photos")
+        if folder is None:
+            return self.config.photos.max_px
+        return int(read_photos(folder)[["width_px", "height_px"]].to_numpy().max())

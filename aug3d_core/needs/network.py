@@ -138,10 +138,7 @@ def _pixels(known: Known) -> tuple[int, str] | None:
 
 def coarse_samples(known: Known) -> Decision | None:
     """Sample rays as densely as the parallax between a group's views can tell apart."""
-    parallax = _parallax(known)
-    if parallax is None:
-        return None
-    return _samples("coarse_samples", _coarse(parallax), known.config.training.coarse_samples, parallax)
+    return _part_of_coarse(known, "coarse_samples", 1)
 
 
 def fine_samples(known: Known) -> Decision | None:
@@ -155,18 +152,13 @@ def depth_samples(known: Known) -> Decision | None:
 
 
 def _part_of_coarse(known: Known, field: str, part: int) -> Decision | None:
+    """Return a decision about samples; None where the coarse ones, of which they are a part, are not decided here."""
     parallax = _parallax(known)
-    if parallax is None:
+    if parallax is None or "coarse_samples" not in left_open(known.config, "training"):
         return None
-    return _samples(field, _coarse(parallax) // part, getattr(known.config.training, field), parallax)
-
-
-def _coarse(parallax: float) -> int:
-    return min(max(round(parallax / _PX_PER_SAMPLE), _LEAST_SAMPLES), _MOST_SAMPLES)
-
-
-def _samples(field: str, value: int, preset: int, parallax: float) -> Decision:
-    share = {"coarse_samples": "", "fine_samples": "half of ", "depth_samples": "a quarter of "}[field]
+    value = min(max(round(parallax / _PX_PER_SAMPLE), _LEAST_SAMPLES), _MOST_SAMPLES) // part
+    preset = getattr(known.config.training, field)
+    share = {1: "", 2: "half of ", 4: "a quarter of "}[part]
     return Decision(
         field=f"training.{field}",
         value=value,

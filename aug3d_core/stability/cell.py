@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from aug3d_core.bench.trial import Measured, Say, Trial, run_trial
-from aug3d_core.errors import StageFailed, StoreError
+from aug3d_core.bench.trial import Measured, Say, Trial, ends_all, run_trial
+from aug3d_core.errors import StageFailed
 from aug3d_core.make import make, source_of
 from aug3d_core.stability.config import ComputedConfig, SpoilConfig
 from aug3d_core.stability.perturbation import Computed, InFactory, Perturbation, Spoil
@@ -20,7 +20,6 @@ from aug3d_core.store.store import Store
 
 CellState = Literal["ok", "degraded", "refused", "crash"]
 _PRESET = "tiny"
-_ENDS_ALL = ("disk",)  # causes that every further cell would fail of too
 # What users have; in the town, overlaps are measured on the truth, which users do not have.
 _FACTORY = frozenset(stage.name for stage in FROM_PHOTOS) - {OVERLAP.name} | {COMPUTED.name}
 
@@ -54,6 +53,12 @@ class Result:
     state: CellState
     notes: tuple[str, ...] = ()
     failure: str = ""
+    damaged: tuple[Record, ...] = ()  # what was whole before the dose
+
+    @property
+    def made(self) -> list[Record]:
+        """All that was made for it."""
+        return [*self.records.values(), *self.damaged]
 
     @property
     def broken(self) -> bool:
@@ -68,12 +73,12 @@ class Result:
     @property
     def seconds(self) -> float:
         """Wall time of its stages, whenever they ran."""
-        return sum(record.seconds for record in self.records.values())
+        return sum(record.seconds for record in self.made)
 
     @property
     def cpu_seconds(self) -> float:
         """Processor time of its stages, whatever else the machine was doing."""
-        return sum(record.cpu_seconds or 0.0 for record in self.records.values())
+        return sum(record.cpu_seconds or 0.0 for record in self.made)
 
 
 def run_cell(store: Store, cell: Cell, say: Say) -> Result:
@@ -84,7 +89,7 @@ def run_cell(store: Store, cell: Cell, say: Say) -> Result:
     told = trial.records.get(judge.stage or COMPUTED.name)
     accuracy = None if told is None else judge.figure(told.metrics)
     state, notes = _reported(trial, _disturbed(cell, list(trial.records)))
-    return Result(cell, trial.records, accuracy, state, notes, trial.failure)
+    return Result(cell, trial.records, accuracy, state, notes, trial.failure, trial.damaged)
 
 
 def _run(store: Store, cell: Cell, how: InFactory, say: Say) -> Trial:
@@ -97,7 +102,7 @@ def _run(store: Store, cell: Cell, how: InFactory, say: Say) -> Trial:
         return _spoiled(store, record, how.spoil, cell, say)
 
     measured = Measured(_PRESET, how.world)
-    return _ended(run_trial(store, how.until, measured, overrides, say, damage=damage, afresh=True))
+    return run_trial(store, how.until, measured, overrides, say, damage=damage, afresh=True)
 
 
 def _spoiled(store: Store, record: Record, spoil: Spoil, cell: Cell, say: Say) -> Record:
@@ -117,15 +122,9 @@ def _compute(store: Store, cell: Cell, how: Computed, say: Say) -> Trial:
     try:
         made = make(store, stage, config, {}, lambda *told: say(stage.name, *told))
     except StageFailed as failure:
-        return _ended(Trial({}, failure.problem, failure.cause))
+        ends_all(failure)
+        return Trial({}, failure.problem, failure.cause, failure.stage)
     return Trial({COMPUTED.name: made})
-
-
-def _ended(trial: Trial) -> Trial:
-    """Return a trial; raises StoreError where the machine, not the cell, is at an end."""
-    if trial.cause in _ENDS_ALL:
-        raise StoreError(trial.failure, "free some space, then run the study again: it goes on where it was")
-    return trial
 
 
 def _disturbed(cell: Cell, made: list[str]) -> list[str]:
@@ -143,9 +142,13 @@ def _disturbed(cell: Cell, made: list[str]) -> list[str]:
 
 
 def _reported(trial: Trial, disturbed: list[str]) -> tuple[CellState, tuple[str, ...]]:
-    """Return the worst state that the factory reported of disturbed stages, and what it said."""
+    """Return the worst state that the factory reported of disturbed stages, and what it said.
+
+    A stage that users do not have cannot refuse anything for them.
+    """
     records = [trial.records[name] for name in disturbed if name in _FACTORY]
     notes = tuple(f"{record.stage}: {note}" for record in records for note in record.notes)
     if trial.failure:
-        return ("refused" if trial.cause == "refused" else "crash"), (*notes, trial.failure)
+        refused = trial.cause == "refused" and trial.at in _FACTORY
+        return ("refused" if refused else "crash"), (*notes, trial.failure)
     return ("degraded" if any(record.state == "degraded" for record in records) else "ok"), notes

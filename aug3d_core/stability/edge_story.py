@@ -86,6 +86,8 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
     for row in rows:
         colour = _COLOURS.get(row.method, "black")
         doses = [dose for dose in row.doses if dose.accuracy is not None]
+        if not doses:
+            continue
         spread = np.array([_range([r.accuracy for r in dose.results if r.accuracy is not None]) for dose in doses])
         at = [dose.dose for dose in doses]
         wide = 2.6 if row.method == _BEST else 1.6

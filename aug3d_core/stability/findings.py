@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ import pandas as pd
 
 from aug3d_core.stability.cell import CellState, Result
 from aug3d_core.stability.perturbation import Perturbation
+from aug3d_core.store.usage import named
 
 _WORST: tuple[CellState, ...] = ("crash", "refused", "degraded", "ok")
 
@@ -19,8 +21,8 @@ _WORST: tuple[CellState, ...] = ("crash", "refused", "degraded", "ok")
 class Dose:
     """A method at one dose, over all seeds.
 
-    accuracy: the median over the seeds that have one. broken: half of the seeds are, or more. state: the state of most
-    seeds, the worse one where two are as many.
+    accuracy: the median over the seeds, None where it is one without a figure: none is worse than any. broken: half of the
+    seeds are, or more. state: the state of most seeds, the worse one where two are as many.
     """
 
     dose: float
@@ -29,8 +31,11 @@ class Dose:
     @property
     def accuracy(self) -> float | None:
         """The median accuracy."""
-        told = [result.accuracy for result in self.results if result.accuracy is not None]
-        return float(np.median(told)) if told else None
+        judge = self.results[0].cell.perturbation.judge
+        worst = -math.inf if judge.better == "higher" else math.inf
+        told = (result.accuracy for result in self.results)
+        middle = float(np.median([worst if figure is None or math.isnan(figure) else figure for figure in told]))
+        return None if math.isinf(middle) else middle
 
     @property
     def broken(self) -> bool:
@@ -104,7 +109,7 @@ class Findings:
         return sum(record.cpu_seconds or 0.0 for record in self._objects())
 
     def _objects(self) -> Iterable[Any]:
-        return {record.key: record for result in self.results for record in result.records.values()}.values()
+        return {record.key: record for result in self.results for record in result.made}.values()
 
 
 def findings(size: str, seeds: int, machine: str, results: Sequence[Result]) -> Findings:
@@ -141,6 +146,7 @@ def as_json(found: Findings) -> dict[str, Any]:
         "cpu_seconds": found.cpu_seconds,
         "breaking_doses": [_breaking(row) for row in found.rows],
         "results": cell_table(found).to_dict("records"),
+        "objects": named(record for result in found.results for record in result.made),
     }
 
 

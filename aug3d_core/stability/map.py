@@ -30,11 +30,13 @@ _STRONG = 0.6  # of the colour scale: the ends are too dark to write on
 def margin(judge: Judge, accuracy: float | None) -> float:
     """Return how far a figure is on the good side of the mark: 1 at twice as good or better, -1 at half as good or none.
 
-    Of a mark of zero it is the sign that tells.
+    Of a mark of zero or less it is the difference that tells.
     """
     if accuracy is None or math.isnan(accuracy):
         return -1.0
-    if judge.mark <= 0 or accuracy <= 0:
+    if judge.mark > 0 >= accuracy:
+        return -1.0 if judge.better == "higher" else 1.0
+    if judge.mark <= 0:
         good = accuracy - judge.mark if judge.better == "higher" else judge.mark - accuracy
         return max(-1.0, min(1.0, good)) or (0.0 if judge.broken(accuracy) else 0.5)
     ratio = accuracy / judge.mark if judge.better == "higher" else judge.mark / accuracy

@@ -94,7 +94,7 @@ def _breaking(part: str, rows: Sequence[Row]) -> str:
             f"{row.perturbation.judge.mark:g}",
             number(row.doses[0].accuracy, 3),
             _dose(row, row.breaking, "never"),
-            _state(row.breaking),
+            _state(row, row.breaking),
             _dose(row, row.noticed, "never"),
         )
         for row in rows
@@ -108,11 +108,13 @@ def _dose(row: Row, dose: Dose | None, never: str) -> str:
     return never if dose is None else f"{dose.dose:g} {escape(row.perturbation.dose_unit)}"
 
 
-def _state(dose: Dose | None) -> str:
+def _state(row: Row, dose: Dose | None) -> str:
     if dose is None:
         return "-"
     if dose.silent:
         return tag("span", "silent", class_="refused")
+    if row.method in row.perturbation.compared:
+        return "only compared"
     return tag("span", dose.state, class_=_LOOKS[dose.state])
 
 
@@ -149,10 +151,12 @@ def _figure(store: Store, row: Row, dose: Dose) -> Iterable[str]:
 def _method(found: Findings) -> str:
     said = (
         "Every cell is a run of the factory's own stages on a small town whose truth is known, with one thing made worse by a"
-        " dose; or a world known exactly, where no stage is needed. Marks were set before anything was measured. A method is"
-        " broken at a dose when half of its seeds miss the mark or give nothing. A failure is silent when a cell is broken and"
-        " no stage from the damage on reported more than ok; comparison with the town's truth does not count, for users have"
-        " none."
+        " dose; or a world known exactly, where no stage is needed. Marks were set before anything was measured, but that of"
+        " boxes among bare trees, which was set after they were seen. A method is broken at a dose when half of its seeds or"
+        " more miss the mark or give nothing; a figure is the median of the seeds, where giving nothing is worst. A failure is"
+        " silent when a cell is broken and no stage from the damage on reported more than ok; comparison with the town's truth"
+        " does not count, for users have none. Nor can methods be silent that the factory never uses there and that are shown"
+        " to compare. A cell above the dose that breaks a method is judged for itself: where it holds, ok is true."
     )
     cost = (
         f"{duration(found.cpu_seconds)} of processor time, {duration(found.seconds)} of wall time, on {found.machine}."

@@ -54,7 +54,8 @@ class Spoil:
     damage: str
 
 
-def _no_settings(_dose: float) -> Overrides:
+def no_settings(_dose: float) -> Overrides:
+    """Set nothing."""
     return ()
 
 
@@ -67,7 +68,7 @@ class InFactory:
     """
 
     until: str
-    settings: Callable[[float], Overrides] = _no_settings
+    settings: Callable[[float], Overrides] = no_settings
     spoil: Spoil | None = None
     seeded: tuple[str, ...] = ()
     world: Overrides = SMALL_TOWN

@@ -12,6 +12,7 @@ from typing import Any
 
 from aug3d_core.errors import StoreError
 from aug3d_core.store import layout
+from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
 Object = tuple[str, str]  # stage, key
@@ -54,9 +55,14 @@ def studies(store: Store) -> list[Holder]:
     """Return every study; raises StoreError if one cannot be read."""
 
     def read(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
-        return frozenset(item for cell in told["cells"] for item in cell["objects"].items()), True
+        return frozenset((stage, key) for stage, key in told["objects"]), True
 
     return _holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS, read)
+
+
+def named(records: Iterable[Record]) -> list[Object]:
+    """Return the objects of records, each once, as a study's findings name them under `objects`."""
+    return sorted({(record.stage, record.key) for record in records})
 
 
 def objects_of(holders: Iterable[Holder]) -> frozenset[Object]:

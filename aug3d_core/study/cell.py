@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from aug3d_core.bench.trial import ends_all
 from aug3d_core.errors import StageFailed, UsageError
 from aug3d_core.make import make, source_of
 from aug3d_core.scene_config import SceneConfig
@@ -23,7 +24,6 @@ from aug3d_core.study.arm import Arm
 from aug3d_core.study.scene import FinishedScene, read_split
 
 Say = Callable[[str, int, int, str], None]  # stage, done, total, what
-_ENDS_ALL = ("disk",)  # causes that every further cell would fail of too
 
 
 @dataclass(frozen=True)
@@ -83,14 +83,13 @@ class Result:
 def make_cell(store: Store, scene: FinishedScene, cell: Cell, say: Say) -> Result:
     """Make a cell, or find it made; a step that fails ends the cell, not the study.
 
-    Raises UsageError where the settings move the scene's test.
+    Raises UsageError where the settings move the scene's test, StoreError where every other cell would fail too.
     """
     made: dict[str, Record] = {}
     try:
         why_not = _make_steps(store, scene, cell, made, say)
     except StageFailed as failure:
-        if failure.cause in _ENDS_ALL:
-            raise
+        ends_all(failure)
         why_not = failure.problem
     if why_not:
         return Result(cell, made, failure=why_not)

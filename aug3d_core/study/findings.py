@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from aug3d_core.store.usage import named
 from aug3d_core.study.arm import Study
 from aug3d_core.study.cell import Result
 from aug3d_core.study.scene import FinishedScene
@@ -85,6 +86,7 @@ def as_json(found: Findings) -> dict[str, Any]:
         "orderings": [_tested(tested) for tested in found.tested],
         "cheap": {str(inputs): dict(answers) for inputs, answers in found.cheap.items()},
         "cells": [_cell(result) for result in found.results],
+        "objects": named(record for result in found.results for record in result.records.values()),
     }
 
 

@@ -12,6 +12,7 @@ from aug3d_core.tradeoff.setting import Judge
 
 Mark = Literal["", "preset", "auto"]
 FACTORY = "the whole factory"
+REFUSED = "refused"  # the cause of a failure that is an answer: these settings cannot be used on this scene
 _TRUTH = ("town", "truth", "mesh_truth")  # what users have no need to pay for
 
 
@@ -94,10 +95,11 @@ class Result:
     def test(self) -> tuple[object, ...]:
         """What a score must have in common with another to be compared with it; empty where nothing is held out.
 
-        The photographs and the size they are predicted at, but not their pixels: working copies of different sizes, and
-        lenses found a little differently, make these different.
+        The photographs and, unless the judge takes any, the size they are predicted at, but not their pixels: working copies
+        of different sizes, and lenses found a little differently, make these different.
         """
-        return (self.size_px, *sorted(self.held_out)) if self.held_out else ()
+        size = () if self.arm.judge.of_any_size else (self.size_px,)
+        return (*size, *sorted(self.held_out)) if self.held_out else ()
 
     @property
     def size_px(self) -> tuple[object, object]:

@@ -30,7 +30,7 @@ def _dot(point: Point, chosen: Point | None, top: Point | None) -> Dot:
         label=point.arm.label if point.arm.panel == FACTORY else f"{point.arm.label}  ({_peak(point):,.0f} MiB)",
         seconds=point.cpu_seconds,
         accuracy=point.accuracy,
-        repeats=tuple((result.cpu_seconds, result.accuracy or 0.0) for result in point.scored),
+        repeats=tuple((result.cpu_seconds, result.accuracy) for result in point.results if result.accuracy is not None),
         interval=_interval(point, top) if mark else None,  # of every dot they would hide the dots
         mark=mark,
         off=not point.comparable,

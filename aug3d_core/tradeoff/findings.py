@@ -7,11 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from aug3d_core.tradeoff.arm import Result
+from aug3d_core.store.usage import named
+from aug3d_core.tradeoff.arm import REFUSED, Result
 from aug3d_core.tradeoff.point import Point, below, cheapest, on_front, points
 from aug3d_core.tradeoff.study import Studied
-
-REFUSED = "refused"  # the cause of a failure that is an answer: these settings cannot be used on this scene
 
 
 def as_json(found: Studied, machine: str) -> dict[str, Any]:
@@ -40,6 +39,7 @@ def as_json(found: Studied, machine: str) -> dict[str, Any]:
         **search_against_grid(found),
         "points": [_point(point) for point in found.points],
         "cells": [_cell(result) for result in found.results],
+        "objects": named(record for result in found.results for record in result.trial.records.values()),
     }
 
 
@@ -59,22 +59,26 @@ def against_best(found: Studied) -> dict[str, float | None]:
 
 
 def search_against_grid(found: Studied) -> dict[str, float | None]:
-    """Return what the search cost over the cheapest configuration that reaches the target, and how far below it it ended (dB).
+    """Return how the search did against the cheapest configuration of the grid that reaches the target.
 
-    Both are of one seed. Without the full grid the search is held against what it found itself.
+    search_cost_ratio: what all of the search cost over that one's cost; search_found_ratio: the same of what it ended at;
+    search_regret_db: how far below it it ended (dB). All are of one seed. Without the full grid the search is held against
+    what it found itself.
     """
     if found.search is None or found.search.found is None:
-        return {"search_cost_ratio": None, "search_regret_db": None}
+        return dict.fromkeys(("search_cost_ratio", "search_found_ratio", "search_regret_db"))
     ended = found.search.found
+    spent_s, ended_s = found.search.spent_s, ended.tried.cost_s
     grid = points(
         [result for result in found.results if result.seed == 0 and result.arm in {p.arm for p in found.factory}]
     )
     choice = None if found.searched_only else cheapest(grid, found.search.target_db)
     if choice is None or choice.accuracy is None:
-        cost = ended.tried.cost_s
-        return {"search_cost_ratio": found.search.spent_s / cost if cost else None, "search_regret_db": None}
+        spent = spent_s / ended_s if ended_s else None
+        return {"search_cost_ratio": spent, "search_found_ratio": None, "search_regret_db": None}
     return {
-        "search_cost_ratio": found.search.spent_s / choice.cpu_seconds if choice.cpu_seconds else None,
+        "search_cost_ratio": spent_s / choice.cpu_seconds if choice.cpu_seconds else None,
+        "search_found_ratio": ended_s / choice.cpu_seconds if choice.cpu_seconds else None,
         "search_regret_db": max(0.0, choice.accuracy - ended.psnr_db),
     }
 

@@ -100,7 +100,7 @@ def _front(found: Studied) -> str:
             _db(point.accuracy),
             str(len(point.results)),
         )
-        for point in on_front([p for p in found.points if p.arm.panel == FACTORY])
+        for point in on_front(found.whole)
     ]
     return tag("p", "Nothing that was tried is both faster and more accurate than these:") + table(
         ("configuration", "processor time", "PSNR (dB)", "seeds"), rows, numeric=(1, 2, 3)
@@ -135,8 +135,10 @@ def _search(found: Studied) -> str:
         f"{number(ratios['search_cost_ratio'], 3)} times what the cheapest costs"
     )
     regret = ratios["search_regret_db"]
-    said += "." if regret is None else f", and is {regret:.2f} dB below what the full grid finds."
-    return tag("p", escape(said))
+    if regret is not None:
+        dearer = number(ratios["search_found_ratio"], 3)
+        said += f"; what it ended at costs {dearer} times that, and is {regret:.2f} dB below it"
+    return tag("p", escape(f"{said}."))
 
 
 def _auto(found: Studied) -> str:

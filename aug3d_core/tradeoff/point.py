@@ -23,19 +23,15 @@ class Point:
     comparable: bool = True
 
     @property
-    def scored(self) -> list[Result]:
-        """The results with a figure."""
-        return [result for result in self.results if result.accuracy is not None]
-
-    @property
     def accuracy(self) -> float | None:
-        """Median over the seeds, None where no seed has a figure."""
-        return median(result.accuracy or 0.0 for result in self.scored) if self.scored else None
+        """Median over the seeds; None where a seed has no figure: what fails now and then has failed."""
+        told = [result.accuracy for result in self.results if result.accuracy is not None]
+        return median(told) if len(told) == len(self.results) else None
 
     @property
     def cpu_seconds(self) -> float:
         """Median over the seeds."""
-        return median(result.cpu_seconds for result in self.scored or self.results)
+        return median(result.cpu_seconds for result in self.results)
 
     @property
     def gain(self) -> float | None:
@@ -47,9 +43,9 @@ class Point:
 
 @dataclass(frozen=True)
 class Below:
-    """How far a point is below another (dB): medians over the seeds.
+    """How far a point is below another (dB): the mean over the seeds that both have and over their photographs.
 
-    interval: 95 %, of the mean over seeds and photographs; None for one of either.
+    Where they share no seed, the difference of their medians. interval: 95 %, of that mean; None for one of either.
     """
 
     db: float
@@ -59,18 +55,21 @@ class Below:
 def below(point: Point, other: Point) -> Below | None:
     """Return how far a point is below another, on the test photographs that all their seeds share.
 
-    Settings can move the split by a photograph. None where tests differ and share too few to say anything, or in size.
+    Settings can move the split by a photograph. None where tests differ and share too few to say anything, or in size, and
+    where a seed failed.
     """
-    results = [*point.scored, *other.scored]
-    if not point.scored or not other.scored or len({result.size_px for result in results}) > 1:
+    results = [*point.results, *other.results]
+    if point.accuracy is None or other.accuracy is None or len({result.size_px for result in results}) > 1:
         return None
     shared = sorted(set.intersection(*(set(result.held_out) for result in results)))
     if not shared or (len(shared) < LEAST_TARGETS and len({result.test for result in results}) > 1):
         return None
-    mine, its = ({r.seed: np.array([r.held_out[name] for name in shared]) for r in p.scored} for p in (point, other))
+    mine, its = ({r.seed: np.array([r.held_out[name] for name in shared]) for r in p.results} for p in (point, other))
     apart = [its[seed] - mine[seed] for seed in sorted(mine.keys() & its.keys())]
+    if apart:
+        return Below(float(np.mean(apart)), interval(np.array(apart)))
     level_mine, level_its = (median(float(psnr.mean()) for psnr in by_seed.values()) for by_seed in (mine, its))
-    return Below(level_its - level_mine, interval(np.array(apart)) if apart else None)
+    return Below(level_its - level_mine, None)
 
 
 def points(results: Sequence[Result]) -> list[Point]:
@@ -92,10 +91,9 @@ def on_front(found: Sequence[Point]) -> list[Point]:
 
 
 def best(found: Sequence[Point]) -> Point | None:
-    """Return the most accurate point of those that were repeated most."""
+    """Return the most accurate point."""
     able = [point for point in found if point.gain is not None]
-    most = max((len(point.results) for point in able), default=0)
-    return max((p for p in able if len(p.results) == most), key=lambda p: p.gain or 0.0, default=None)
+    return max(able, key=lambda point: point.gain or 0.0, default=None)
 
 
 def cheapest(found: Sequence[Point], least: float) -> Point | None:

@@ -9,17 +9,16 @@ import pandas as pd
 
 from aug3d_core.bench.trial import Say, Trial, run_trial
 from aug3d_core.charts.pooled import pooled, test_views
-from aug3d_core.errors import StoreError
+from aug3d_core.errors import UsageError
 from aug3d_core.stage import Metric
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
-from aug3d_core.tradeoff.arm import Arm, Result
+from aug3d_core.tradeoff.arm import REFUSED, Arm, Result
 from aug3d_core.tradeoff.scene import StudiedScene
 from aug3d_core.tradeoff.setting import TEST_PSNR, Judge
 
 Objects = frozenset[tuple[str, str]]  # stage and key
 Done = Callable[[Result, int, int], None]  # a result, how many are done, of how many
-_ENDS_ALL = ("disk",)  # causes that every further arm would fail of too
 
 
 def objects_there(store: Store) -> Objects:
@@ -33,22 +32,26 @@ def objects_there(store: Store) -> Objects:
 def make_arm(store: Store, scene: StudiedScene, arm: Arm, seed: int, there: Objects, say: Say) -> Result:
     """Make an arm, or find it made; a stage that fails ends the arm, not the study, unless the disk is full.
 
+    A value beyond the bounds of its setting, as twice or half of the scene's own may be, is refused like one that a stage
+    cannot use.
     What is tested on held-out photographs is made in all folds of the scene: one fold of few photographs tests two.
     """
     own = scene.decided() if arm.mark == "auto" else scene.own
-    seeds = (f"{field}={seed}" for field in arm.seeded if seed)  # repeat 0 is the scene's own seed
+    settings = (*arm.settings, *(f"{field}={seed}" for field in arm.seeded if seed))  # repeat 0 is the scene's own seed
+    try:
+        own.config(settings)
+    except UsageError as error:
+        return Result(arm, seed, Trial({}, error.problem, REFUSED))
     trial = run_trial(
         store,
         arm.judge.stage,
         own,
-        (*arm.settings, *seeds),
+        settings,
         say,
         scene.photos,
         afresh=True,
         folds=arm.judge.stage == TEST_PSNR.stage,
     )
-    if trial.cause in _ENDS_ALL:
-        raise StoreError(trial.failure, "free some space, then run the same command again: it goes on where it was")
     found = sum((record.stage, record.key) in there for record in trial.records.values())
     return Result(arm, seed, trial, found, _figures(store, trial, arm.judge), _held_out(store, trial))
 

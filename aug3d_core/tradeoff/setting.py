@@ -9,18 +9,22 @@ from aug3d_core.nerf.config import TRAINING_PRESETS
 from aug3d_core.scene_config import SceneConfig
 
 STEPS = "training.steps"
-_OF_FOUR = 4  # px: sizes of packed views are multiples of it
+_PACKED, _OF_FOUR = ("dataset", "sampling"), 4  # px: sizes of packed views are multiples of it
 
 
 @dataclass(frozen=True)
 class Judge:
-    """A stage's figure, and what it is called. per: another figure of the stage that it is divided by."""
+    """A stage's figure, and what it is called.
+
+    per: another figure of the stage that it is divided by. of_any_size: pictures of different sizes have comparable ones.
+    """
 
     stage: str
     figure: str
     name: str
     lower_is_better: bool = False
     per: str = ""
+    of_any_size: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,9 @@ MESH_PSNR = Judge("mesh_truth", "mesh_render_psnr", "mesh against true views (dB
 HELD_OUT_PSNR = Judge("surface", "target_render_psnr_full", "mesh against held-out photos (dB)")
 TEST_PSNR = Judge("evaluation", "test_psnr_mean", "PSNR on held-out photos (dB)")
 # PSNR of pictures of different sizes is not comparable; how far it is above the best cheap answer at the same size is.
-OVER_CHEAP = Judge("evaluation", "over_best_cheap_db", "PSNR over the best cheap answer of the same size (dB)")
+OVER_CHEAP = Judge(
+    "evaluation", "over_best_cheap_db", "PSNR over the best cheap answer of the same size (dB)", of_any_size=True
+)
 
 
 def _poses(name: str, field: str, values: tuple[str, ...], stages: tuple[str, ...] = ("matching", "sfm")) -> Setting:
@@ -117,10 +123,12 @@ def resolved(field: str, value: str, config: SceneConfig) -> str:
     if not value.startswith("x"):
         return value
     now = value_of(field, config)
+    if value == "x1":
+        return spelled(now)
     scaled = Fraction(value[1:]) * Fraction(now).limit_denominator(10**6)
     if isinstance(now, float):
         return f"{float(scaled):g}"
-    unit = _OF_FOUR if field.endswith("_px") else 1
+    unit = _OF_FOUR if field.partition(".")[0] in _PACKED and field.endswith("_px") else 1
     return str(max(unit, unit * round(scaled / unit)))
 
 

@@ -55,16 +55,21 @@ class Studied:
     @property
     def factory(self) -> list[Point]:
         """The configurations of the whole factory, `auto` not among them."""
-        return [point for point in self.points if point.arm.panel == FACTORY and point.arm.mark != "auto"]
+        return [point for point in self.whole if point.arm.mark != "auto"]
+
+    @property
+    def whole(self) -> list[Point]:
+        """The configurations of the whole factory, and `auto`."""
+        return [point for point in self.points if point.arm.panel == FACTORY]
 
     @property
     def auto(self) -> Point | None:
         """What `needs/` decided."""
-        return next((point for point in self.points if point.arm.mark == "auto"), None)
+        return next((point for point in self.whole if point.arm.mark == "auto"), None)
 
     @property
     def best(self) -> Point | None:
-        """The most accurate configuration of those that were repeated."""
+        """The most accurate configuration."""
         return best(self.factory)
 
     @property
@@ -94,8 +99,8 @@ def study_scene(
         scene = scene.with_settings(quick_effort(scene.config()))
     there = objects_there(store)
     results = make_all(store, scene, _chosen(_first(scene, quick, seeds, search_only), only), there, say, done)
-    if not search_only:
-        results += make_all(store, scene, _again(results, seeds, target_db), there, say, done)
+    while not search_only and (again := _again(results, seeds, target_db)):
+        results += make_all(store, scene, again, there, say, done)
     found = Studied(scene, quick, seeds, results, _target(results, target_db, search_only), None, search_only)
     if found.target_db is None or found.best is None:
         return found
@@ -129,12 +134,16 @@ def _chosen(cells: Iterable[tuple[Arm, int]], only: Sequence[str]) -> list[tuple
 
 
 def _again(results: Sequence[Result], seeds: int, target_db: float | None) -> list[tuple[Arm, int]]:
-    """Return what is repeated: a single seed may be lucky, so what stands out is made with every seed."""
-    factory = [p for p in points(results) if p.arm.panel == FACTORY and p.arm.mark == ""]
+    """Return what is to be repeated: a single seed may be lucky, so what stands out is made with every seed.
+
+    What takes the place of a configuration that was lucky is repeated in turn, until nothing that stands out was made once.
+    """
+    factory = [p for p in points(results) if p.arm.panel == FACTORY and p.arm.mark != "auto"]
     target = _target(results, target_db, False)
     stand_out = [*on_front(factory), best(factory), None if target is None else cheapest(factory, target)]
     arms = dict.fromkeys(point.arm for point in stand_out if point is not None)
-    return [(arm, seed) for arm in arms for seed in range(1, seeds)]
+    made = {(result.arm, result.seed) for result in results}
+    return [(arm, seed) for arm in arms for seed in range(seeds) if (arm, seed) not in made]
 
 
 def _target(results: Sequence[Result], given_db: float | None, search_only: bool) -> float | None:

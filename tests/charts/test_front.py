@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from aug3d_core.charts.front import Dot, Panel, draw, front, near, ticks
-from aug3d_core.charts.front_html import panel_html, script
+from aug3d_core.charts.front_html import _floor, panel_html, script
 
 numbers = st.floats(0.1, 100, allow_nan=False)
 
@@ -101,3 +101,22 @@ def test_an_interval_does_not_push_the_dots_together() -> None:
     panel = Panel("all of it", "PSNR (dB)", False, (far, dot("small", 10, 0.2)), labelled=False)
     assert (min(panel.heights), max(panel.heights)) == (0.1, 0.2)
     assert [one.label for one in panel.named] == ["small", "usual"]
+
+
+@pytest.mark.parametrize("lower_is_better", [True, False])
+@given(heights=st.lists(st.lists(st.floats(0.1, 30), min_size=1, max_size=3), min_size=1, max_size=5))
+def test_failures_lie_below_every_dot_and_every_seed(lower_is_better: bool, heights: list[list[float]]) -> None:
+    dots = tuple(Dot(str(i), 1.0 + i, h[0], tuple((1.0, y) for y in h)) for i, h in enumerate(heights))
+    floor = _floor(Panel("all", "figure", lower_is_better, (*dots, dot("gone", 3, None))))
+    known = [y for one in heights for y in one]
+    assert floor > max(known) if lower_is_better else floor < min(known)
+
+
+def test_auto_is_a_triangle_though_another_test_judged_it() -> None:
+    page = panel_html(Panel("all of it", "PSNR", False, (*DOTS, dot("auto", 7, 0.3, mark="auto", off=True))))
+    assert "triangle-up-open" in page and "auto, another test" in page and "tried, another test" in page
+
+
+def test_no_bar_of_an_interval_is_turned_over() -> None:
+    page = panel_html(Panel("all", "PSNR", False, (dot("usual", 20, 22.0, mark="preset", interval=(22.5, 23.5)),)))
+    assert '"array":[1.5]' in page and '"arrayminus":[0.0]' in page

@@ -47,7 +47,8 @@ def test_wrong_use_is_refused_before_anything_is_made(
 
 
 def test_the_worst_of_several_scenes_is_told_and_nothing_of_one_that_has_none() -> None:
-    one = {"auto_regret_db": 0.1, "auto_time_ratio": 0.5, "search_cost_ratio": 3.0, "search_regret_db": 0.0}
+    one = {"auto_regret_db": 0.1, "auto_time_ratio": 0.5, "search_cost_ratio": 3.0}
+    one |= {"search_found_ratio": 1.1, "search_regret_db": 0.0}
     assert worst([one, one | {"auto_time_ratio": 0.2, "auto_regret_db": 0.4}])["auto_regret_db"] == 0.4
     assert worst([one, one | {"auto_regret_db": None}])["auto_regret_db"] is None
 

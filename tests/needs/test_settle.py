@@ -165,9 +165,36 @@ def test_a_view_is_predicted_from_twice_as_many_as_were_trained_with_if_there_ar
     assert settled(store, "evaluation", "evaluation.input_views=1", **figures).input_views == 1
 
 
-def test_depth_is_never_finer_than_the_photographs(store: Store) -> None:
-    records = made() | {"photos": record("photos", config={"max_px": 200})}
-    assert settle(STAGES["depth"], scene_config(AUTO), records, store).decisions[0].value == 200
+def test_depth_and_texels_are_never_finer_than_the_photographs(store: Store) -> None:
+    (store.root / "photos").mkdir()
+    sizes = pd.DataFrame({"width_px": [200, 150], "height_px": [150, 240]})
+    sizes.to_parquet(store.root / "photos" / layout.PHOTO_TABLE)
+    records = made() | {"photos": record("photos", config={"max_px": 1024})}  # of which the photographs have less
+    assert settle(STAGES["depth"], scene_config(AUTO), records, store).decisions[0].value == 240
+    texel = settle(STAGES["surface"], scene_config(AUTO), records, store).decisions[0]
+    assert texel.value == 1 and "as wide as 2.5 of a photograph's" in texel.measured
+
+
+def test_what_smaller_depth_maps_cost_is_told_where_they_are_smaller(store: Store) -> None:
+    (smaller, *_), (larger, *_) = (
+        settle(STAGES["depth"], scene_config(AUTO, [f"dataset.width_px={px}"]), made(grouping__k=10), store).decisions
+        for px in (96, 400)
+    )
+    assert "25.8 dB" in smaller.costs and larger.value == 800 and not larger.costs
+
+
+def test_samples_of_which_the_user_set_a_part_are_the_users(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("aug3d_core.needs.network._parallax", lambda known: 60.0)
+    seen_by_each(store.root, 31)
+    samples = {name: f"training.{name}_samples" for name in ("coarse", "fine", "depth")}
+
+    def decided(*overrides: str) -> dict[str, object]:
+        found = settle(STAGES["training"], scene_config(AUTO, overrides), made(), store).decisions
+        return {one.field: one.value for one in found if one.field in samples.values()}
+
+    assert decided() == {samples["coarse"]: 12, samples["fine"]: 6, samples["depth"]: 3}
+    assert decided("training.coarse_samples=32") == {}
+    assert decided("training.fine_samples=9") == {samples["coarse"]: 12, samples["depth"]: 3}
 
 
 def test_as_many_virtual_views_as_photographs_unless_the_mesh_is_bad(store: Store) -> None:

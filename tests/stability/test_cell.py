@@ -85,7 +85,8 @@ def test_the_dose_the_method_and_the_seed_reach_the_stages_and_the_damage(cell) 
     assert "spoiled" in str(made.read["truth"]["sfm"].path), "what follows reads the damaged files"
     assert result.records["sfm"].metrics["views"] == 7, "and the figures that stages decide by"
     assert (result.accuracy, result.broken, result.state) == (0.6, False, "ok")
-    assert result.cpu_seconds == len(result.records)
+    assert [record.stage for record in result.damaged] == ["sfm"] and result.records["sfm"].stage == "spoiled"
+    assert result.cpu_seconds == len(result.records) + 1, "what was made whole is paid for too"
 
 
 @pytest.mark.parametrize(
@@ -113,6 +114,12 @@ def test_a_refusal_is_no_crash(cell, cause: str, state: str) -> None:
     assert "it ended" in result.failure
     computed, _ = cell(COMPUTED, "as it is", lambda stage, _: {"fails": cause})
     assert (computed.state, computed.broken) == (state, True)
+
+
+@pytest.mark.parametrize("stage", ["town", "truth", "spoiled"])
+def test_a_stage_that_users_do_not_have_refuses_nothing_for_them(cell, stage: str) -> None:
+    result, _ = cell(IN_FACTORY, "at once", lambda name, _: {"fails": "refused"} if name == stage else {})
+    assert (result.state, result.broken) == ("crash", True)
 
 
 def test_a_full_disk_ends_the_study(cell) -> None:

@@ -18,11 +18,13 @@ TURNS = next(p for p in PERTURBATIONS if p.name == "abrupt turns")
 
 
 def found(bad: Mapping[str, float]) -> Findings:
-    """Return results whose bad members grow with the dose, by so much a turn."""
+    """Return results whose bad members grow with the dose, by so much a turn; below 0 there is no figure."""
     cells = [Cell(TURNS, dose, way, seed) for way in bad for dose in TURNS.doses for seed in (0, 1, 2)]
-    return findings(
-        "full", 3, "", [Result(c, {}, min(1.0, bad[c.method] * c.dose + 0.01 * c.seed), "ok") for c in cells]
-    )
+
+    def figure(cell: Cell) -> float | None:
+        return min(1.0, bad[cell.method] * cell.dose + 0.01 * cell.seed) if bad[cell.method] >= 0 else None
+
+    return findings("full", 3, "", [Result(c, {}, figure(c), "ok") for c in cells])
 
 
 def test_a_case_is_told_with_numbers() -> None:
@@ -50,8 +52,8 @@ def test_the_page_shows_the_chart_and_says_the_sentence(tmp_path: Path) -> None:
     assert "with numbers" in text and "sequence breaks at 1.25 turns" in text
 
 
-def test_the_chart_has_a_line_for_each_way(tmp_path: Path) -> None:
-    assert draw(found({"sequence": 0.2, "shared": 0.0}), tmp_path / "chart.png")
+def test_the_chart_has_a_line_for_each_way_that_has_a_figure(tmp_path: Path) -> None:
+    assert draw(found({"sequence": 0.2, "grid": -1.0, "shared": 0.0}), tmp_path / "chart.png")
     with Image.open(tmp_path / "chart.png") as image:
         colours = {colour for _, colour in image.convert("RGB").getcolors(1 << 20) or []}
     assert {(0xB4, 0x53, 0x09), (0x15, 0x80, 0x3D)} <= colours

@@ -42,11 +42,11 @@ def add_version(store: Store, scene: str, name: str, objects: Iterable[tuple[str
     return folder
 
 
-def add_study(store: Store, scene: str, name: str, cells: Iterable[Iterable[tuple[str, str]]]) -> Path:
-    """Write a study whose cells made these objects."""
+def add_study(store: Store, scene: str, name: str, objects: Iterable[tuple[str, str]]) -> Path:
+    """Write a study that names these objects."""
     folder = store.root / layout.STUDIES / scene / name
     folder.mkdir(parents=True)
-    (folder / layout.STUDY_FINDINGS).write_text(json.dumps({"cells": [{"objects": dict(cell)} for cell in cells]}))
+    (folder / layout.STUDY_FINDINGS).write_text(json.dumps({"cells": 3, "objects": list(objects)}))
     return folder
 
 

@@ -43,14 +43,14 @@ def five_versions(store: Store) -> list[Path]:
     return [add_version(store, "demo", f"2026-0{i + 1}", [item]) for i, item in enumerate(KEYS[:5])]
 
 
-@given(history=st.lists(a_version, max_size=6), cells=st.lists(some_objects, max_size=2), keep=st.integers(1, 4))
-def test_exactly_what_is_named_by_what_is_kept_stays(history, cells, keep: int) -> None:
+@given(history=st.lists(a_version, max_size=6), studied=some_objects, keep=st.integers(1, 4))
+def test_exactly_what_is_named_by_what_is_kept_stays(history, studied, keep: int) -> None:
     with tempfile.TemporaryDirectory() as home:
         store = Store(Path(home))
         for item in KEYS:
             add_object(store, *item)
         made = [add_version(store, scene, f"{i}", objects, bad) for i, (scene, objects, bad) in enumerate(history)]
-        add_study(store, "one", "grouping-1", cells)
+        add_study(store, "one", "grouping-1", studied)
         collect(store, keep)
         assert there(store) == objects_of([*versions(store), *studies(store)])
         for scene in ("one", "two"):
@@ -163,7 +163,7 @@ def test_all_of_a_scene_goes_but_what_others_need(tmp_path: Path) -> None:
     for item in KEYS[:4]:
         add_object(store, *item)
     publish(store, "demo", add_version(store, "demo", "1", KEYS[:2]))
-    add_study(store, "demo", "grouping-1", [[KEYS[2]]])
+    add_study(store, "demo", "grouping-1", [KEYS[2]])
     add_version(store, "other", "1", [KEYS[1]])
     with store.alone():
         drop(store, plan_for_scene(store, "demo").goes)

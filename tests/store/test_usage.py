@@ -42,7 +42,7 @@ def test_a_study_is_its_scenes(tmp_path: Path) -> None:
     store, cell = Store(tmp_path), ("training", "a")
     add_object(store, *cell)
     add_version(store, "demo", "1", [])
-    add_study(store, "demo", "grouping-1", [[cell], [cell]])
+    add_study(store, "demo", "grouping-1", [cell])
     used = usage(store)["demo"]
     assert used.studies == 1 and used.own_bytes > size(store, cell)
 
@@ -87,6 +87,8 @@ def test_a_version_that_cannot_be_read_is_named(content: str, tmp_path: Path) ->
 
 def test_a_study_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    (add_study(store, "demo", "grouping-1", []) / layout.STUDY_FINDINGS).write_text('{"cells": [{}]}')
+    (add_study(store, "demo", "grouping-1", []) / layout.STUDY_FINDINGS).write_text(
+        '{"cells": [{}], "objects": [["sfm"]]}'
+    )
     with pytest.raises(StoreError, match=r"study\.json does not say"):
         usage(store)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from study.stand_in import Made, Stages, finished_scene
 
-from aug3d_core.errors import StageFailed, UsageError
+from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from aug3d_core.study.arm import Study, nothing_more
@@ -128,7 +128,7 @@ def test_a_run_that_fails_or_gives_no_number_is_told_and_the_rest_goes_on(stages
 
 def test_a_full_disk_ends_the_study(stages: Stages, tmp_path: Path) -> None:
     stages.fails = lambda stage, made: "disk: no space left" if stage == "training" else ""
-    with pytest.raises(StageFailed, match="no space left"):
+    with pytest.raises(StoreError, match="no space left"):
         run(tmp_path, grouping_study(True))
 
 

@@ -52,6 +52,13 @@ def test_sizes_stay_what_the_data_set_takes_and_words_stay_words() -> None:
     assert resolved("surface.texel_gsd", "x1.4", config) == "1.4" and spelled(2.0) == "2"
 
 
+@given(st.integers(64, 4000), st.integers(64, 4000))
+def test_the_scenes_own_values_are_in_the_grid_whatever_they_are(photo_px: int, depth_px: int) -> None:
+    config = scene_config("tiny", [f"photos.max_px={photo_px}", f"depth.max_px={depth_px}"])
+    assert [arm.mark for arm in grid_arms(config, False)].count("preset") == 1
+    assert resolved("depth.max_px", "x1", config) == str(depth_px)
+
+
 @pytest.mark.parametrize("town", [True, False])
 @pytest.mark.parametrize("quick", [True, False])
 def test_every_panel_has_one_arm_as_the_scene_has_it(town: bool, quick: bool) -> None:

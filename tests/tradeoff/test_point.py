@@ -36,9 +36,15 @@ def result(
     )
 
 
-def test_a_point_is_the_median_of_the_seeds_that_have_a_figure() -> None:
-    [point] = points([result("a", s, f, i) for i, (s, f) in enumerate([(1, 20.0), (9, 30.0), (2, 21.0), (5, None)])])
-    assert point.accuracy == 21.0 and point.cpu_seconds == 2 and len(point.results) == 4
+def test_a_point_is_the_median_of_its_seeds_and_nothing_where_one_failed() -> None:
+    told = [(1, 20.0), (9, 30.0), (2, 21.0)]
+    [point] = points([result("a", s, f, i) for i, (s, f) in enumerate(told)])
+    assert point.accuracy == 21.0 and point.cpu_seconds == 2 and len(point.results) == 3
+    failed, sound = points(
+        [*(result("a", s, f, i) for i, (s, f) in enumerate([*told, (5, None)])), result("b", 1.0, 9.0)]
+    )
+    assert failed.accuracy is None and best([failed, sound]) is sound and cheapest([failed, sound], 0) is sound
+    assert on_front([failed, sound]) == [sound] and below(failed, sound) is None
     [lost] = points([result("a", 3.0, None)])
     assert lost.accuracy is None and lost.gain is None and best([lost]) is None and cheapest([lost], 0) is None
 
@@ -59,12 +65,6 @@ def test_less_error_is_more_gain() -> None:
     assert [point.arm.label for point in on_front(found)] == ["a", "b"]
     top = best(found)
     assert top is not None and top.arm.label == "b"
-
-
-def test_a_lucky_single_seed_is_not_the_best() -> None:
-    found = points([result("lucky", 1.0, 30.0), result("sure", 1.0, 25.0), result("sure", 1.0, 25.0, seed=1)])
-    top = best(found)
-    assert top is not None and top.arm.label == "sure"
 
 
 def test_scores_of_another_test_than_the_scenes_own_are_not_compared() -> None:
@@ -95,5 +95,10 @@ def test_how_far_below_is_of_the_same_photographs_and_seeds() -> None:
     assert apart.interval == pytest.approx((0.5, 0.5)), (
         "photographs that differ by 16 dB say nothing of how two points differ"
     )
+    skewed = below(
+        *(judged("p", {seed: [db, db] for seed, db in enumerate(of)}) for of in ((22.0,) * 3, (22.0, 22.0, 25.0)))
+    )
+    assert skewed is not None and skewed.db == pytest.approx(1.0) and skewed.interval is not None
+    assert skewed.interval[0] <= skewed.db <= skewed.interval[1], "an interval is of what it stands beside"
     alone = below(judged("low", {0: [11.0, 14.0]}), judged("top", {0: [12.0, 15.0]}))
     assert alone is not None and alone.db == pytest.approx(1.0) and alone.interval is None, "one seed has no interval"

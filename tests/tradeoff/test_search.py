@@ -26,7 +26,7 @@ def psnr(tried: Tried) -> float:
 
 @pytest.mark.parametrize("below_best_db", [0.3, 1.0])
 def test_it_is_near_the_full_grid_for_a_few_times_the_cost_of_its_choice(below_best_db: float) -> None:
-    regrets, ratios = [], []
+    regrets, ratios, dearer = [], [], []
     for seed in LANDSCAPES:
         landscape = Landscape(seed, noise_db=0.1)
         grid = full_grid(landscape)
@@ -36,7 +36,9 @@ def test_it_is_near_the_full_grid_for_a_few_times_the_cost_of_its_choice(below_b
         assert found.reached is not None and found.found == found.reached
         regrets.append(psnr(choice) - found.reached.psnr_db)
         ratios.append(found.spent_s / choice.cost_s)
+        dearer.append(found.reached.tried.cost_s / choice.cost_s)
     assert max(regrets) <= 0.2 and median(ratios) <= 5.0
+    assert median(dearer) <= 1.2, "the dearest configuration reaches the target too"
 
 
 def test_it_tries_nothing_twice_and_never_everything() -> None:

@@ -13,9 +13,10 @@ from tradeoff.stand_in import Made, Stages
 from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.scene_config import scene_config
 from aug3d_core.store import layout
+from aug3d_core.store.retention import plan
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import studies
-from aug3d_core.tradeoff.arm import FACTORY, Result
+from aug3d_core.tradeoff.arm import FACTORY
 from aug3d_core.tradeoff.findings import against_best, as_json, crashes, search_against_grid, table
 from aug3d_core.tradeoff.point import Point, below, on_front
 from aug3d_core.tradeoff.scene import open_scene
@@ -187,13 +188,44 @@ def test_the_folder_holds_data_chart_and_a_page_that_needs_no_network(stages: St
     page = (folder / layout.STUDY_PAGE).read_text()
     assert 'src="http' not in page and "a machine &amp; more" in page and "as the scene has it" in page
     held = studies(store)[0]
-    assert held.folder == folder and len(held.objects) == len(set(stages_and_keys(found.results))), (
-        "gc keeps what it used"
+    used = {(r.stage, r.key) for result in found.results for r in result.trial.records.values()}
+    assert held.folder == folder and held.objects == used, "gc keeps what it used"
+
+
+def test_what_a_study_of_a_scene_in_folds_used_is_kept(stages: Stages, tmp_path: Path) -> None:
+    stages.folds = 2
+    store = Store(tmp_path)
+    write_study(store, studied(tmp_path), "here")
+    [held] = studies(store)
+    assert all(store.object_dir(*item).is_dir() for item in held.objects)
+    assert {stage for stage, _ in held.objects} >= {"training", "evaluation"} and plan(store, 1, 0.0).goes == ()
+
+
+def test_what_stands_out_is_repeated_until_nothing_does_by_luck(
+    stages: Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aug3d_core.tradeoff.study.setting_arms", lambda *_: [])
+    stages.luck_db = 5.0  # with the first seed alone, the fewer steps the more
+    found = studied(tmp_path, quick=False, seeds=3)
+    assert found.best is not None and found.chosen is not None
+    assert all(len(point.results) == 3 for point in (found.best, found.chosen, *on_front(found.factory)))
+    assert found.best.accuracy == pytest.approx(20 + 1 + 1 + 0.01), "all that was better by luck was found out"
+
+
+def test_pictures_of_several_sizes_are_compared_by_what_they_gain(stages: Stages, tmp_path: Path) -> None:
+    found = studied(tmp_path, quick=False, only=["size of pictures"])
+    assert len(found.points) == 3 and all(point.comparable and point.gain is not None for point in found.points)
+
+
+def test_a_value_beyond_its_bounds_is_refused_and_told(stages: Stages, tmp_path: Path) -> None:
+    scene = open_scene(Store(tmp_path), "demo", None).with_settings(["matching.max_features=512"])
+    found = study_scene(
+        Store(tmp_path), scene, False, 1, None, False, lambda *_: None, lambda *_: None, ["features per photograph"]
     )
-
-
-def stages_and_keys(results: Sequence[Result]) -> list[tuple[str, str]]:
-    return [(stage, record.key) for result in results for stage, record in result.trial.records.items()]
+    [quarter] = [result for result in found.results if result.accuracy is None]
+    assert quarter.trial.cause == "refused" and "128" in quarter.trial.failure and not crashes(found)
+    page = (write_study(Store(tmp_path), found, "here") / layout.STUDY_PAGE).read_text()
+    assert "matching.max_features" in page
 
 
 def test_a_quick_look_is_at_a_small_town_unless_the_user_says_how_large(stages: Stages, tmp_path: Path) -> None:

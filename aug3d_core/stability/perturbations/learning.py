@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from aug3d_core.stability.learning_world import LEARNING_TOWN, MANY_PHOTOS
-from aug3d_core.stability.perturbation import InFactory, Judge, Overrides, Perturbation, Spoil
+from aug3d_core.stability.perturbation import InFactory, Judge, Overrides, Perturbation, Spoil, no_settings
 
 _PLACED = "aug3d_core.stability.spoils.placed"
 _PACKED = "aug3d_core.stability.spoils.packed"
@@ -23,12 +23,8 @@ ABOVE_ONE_COLOUR = Judge(
 )
 
 
-def _nothing_set(_dose: float) -> Overrides:
-    return ()
-
-
 def _learns(
-    settings: Callable[[float], Overrides] = _nothing_set,
+    settings: Callable[[float], Overrides] = no_settings,
     spoil: Spoil | None = None,
     world: Overrides = LEARNING_TOWN,
 ) -> InFactory:

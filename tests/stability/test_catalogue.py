@@ -1,4 +1,4 @@
-"""The perturbations from the surface to the test can be run as they are written down."""
+"""The perturbations can be run as they are written down."""
 
 from __future__ import annotations
 
@@ -7,21 +7,24 @@ import importlib
 import pytest
 
 from aug3d_core.scene_config import scene_config
+from aug3d_core.stability.catalogue import PERTURBATIONS
 from aug3d_core.stability.perturbation import Computed, InFactory, Perturbation
-from aug3d_core.stability.perturbations import boxes, edge_cases, learning, surface, virtual_views
 from aug3d_core.stages import FROM_TOWN, STAGES
 
-ALL = [p for module in (edge_cases, surface, boxes, virtual_views, learning) for p in module.PERTURBATIONS]
 NAMES = [stage.name for stage in FROM_TOWN]
 
 
 def test_names_are_unique() -> None:
-    assert len({p.name for p in ALL}) == len(ALL)
+    assert len({p.name for p in PERTURBATIONS}) == len(PERTURBATIONS)
 
 
-@pytest.mark.parametrize("perturbation", ALL, ids=lambda p: p.name)
+@pytest.mark.parametrize("perturbation", PERTURBATIONS, ids=lambda p: p.name)
 def test_a_perturbation_can_be_run(perturbation: Perturbation) -> None:
-    assert len(perturbation.doses) >= 4 and len(set(perturbation.doses)) == len(perturbation.doses)
+    assert (
+        perturbation.what.endswith(".")
+        and len(perturbation.doses) >= 4
+        and len(set(perturbation.doses)) == len(perturbation.doses)
+    )
     assert perturbation.judge.why
     how = perturbation.how
     module, _, name = (how.compute if isinstance(how, Computed) else how.spoil.damage if how.spoil else "").partition(
