@@ -25,9 +25,7 @@ from tasks.study_stability import log_stability
 
 @flow(name="stability", flow_run_name="where methods break")
 def stability(
-    only: Annotated[
-        list[str], Field(description="Words: only perturbations whose name holds one of them; none: all.")
-    ] = [],
+    only: Annotated[list[str], Field(description="Only perturbations with words that begin so; none: all.")] = [],
     seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every cell, each with a seed of its own.")] = 3,
     quick: Annotated[bool, Field(description="A few perturbations, harmless and ruinous, one seed: minutes.")] = False,
 ) -> State:

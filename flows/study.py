@@ -98,7 +98,7 @@ def _study(
     as_json: bool,
 ) -> None:
     from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.study.effort import study_effort
+    from aug3d_core.study.effort import repeats, study_effort
     from aug3d_core.study.findings import as_json as data
     from aug3d_core.study.findings import findings
     from aug3d_core.study.run import run_study
@@ -111,7 +111,7 @@ def _study(
             opened = study_effort(open_scene(store, scene, preset), quick, overrides)
             check_servers()
             apply_local_environment(store.root)
-            chosen, runs = arms(quick), min(seeds, 2) if quick else seeds
+            chosen, runs = arms(quick), repeats(seeds, quick)
             console = Console(stderr=True)
             with Watch(console, len(chosen.arms) * runs * opened.folds) as watch:
                 results = run_study(store, chosen, opened, runs, watch.say, watch.done)

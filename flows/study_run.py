@@ -13,7 +13,7 @@ from aug3d_core.bench.machine import describe_machine
 from aug3d_core.store.store import Store
 from aug3d_core.study.augmentation import augmentation_study
 from aug3d_core.study.cell import Result
-from aug3d_core.study.effort import study_effort
+from aug3d_core.study.effort import repeats, study_effort
 from aug3d_core.study.findings import findings
 from aug3d_core.study.grouping import grouping_study
 from aug3d_core.study.run import run_study
@@ -47,8 +47,9 @@ def study_scene(
         arms = _STUDIES[study](quick)
         opened = study_effort(open_scene(store, scene, None), quick, ())
         with listening(artifacts.PrefectProgress()):
-            results = run_study(store, arms, opened, seeds, _say, _done)
-        found = findings(arms, opened, seeds, results, describe_machine())
+            runs = repeats(seeds, quick)
+            results = run_study(store, arms, opened, runs, _say, _done)
+        found = findings(arms, opened, runs, results, describe_machine())
         folder = write_study(store, found)
         why = log_study(store, found, folder)
         artifacts.publish_study(folder, arms.question)
@@ -70,9 +71,7 @@ def tradeoff(
     search: Annotated[
         bool, Field(description="Do not try everything: only look for the cheapest that is enough.")
     ] = False,
-    only: Annotated[
-        list[str], Field(description="Words: only panels whose name holds one of them, e.g. triangles; none: all.")
-    ] = [],
+    only: Annotated[list[str], Field(description="Only panels with words that begin so, e.g. domes; none: all.")] = [],
     quick: Annotated[bool, Field(description="Few settings, one seed, few steps, a smaller town: minutes.")] = False,
 ) -> State:
     """Chart what every setting of the factory costs and gains; what was made before is found again."""

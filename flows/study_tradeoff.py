@@ -50,7 +50,8 @@ def study_tradeoff(
         bool, typer.Option("--search", help="Do not try everything: only look for the cheapest that is enough.")
     ] = False,
     only: Annotated[
-        list[str], typer.Option("--only", help="Only panels with these words in their names, e.g. 'triangles'.")
+        list[str],
+        typer.Option("--only", metavar="WORDS", help="Only panels with words that begin so, e.g. 'domes'; repeatable."),
     ] = [],
     quick: Annotated[
         bool, typer.Option("--quick", help="Few settings, one seed, few steps and a smaller town: minutes, for a look.")

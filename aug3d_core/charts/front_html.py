@@ -8,10 +8,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
-from aug3d_core.charts.front import COLOURS, FLOOR, FRONT, Dot, Panel, ticks
+from aug3d_core.charts.front import COLOURS, FLOOR, FRONT, Dot, Mark, Panel, ticks
 
-_SHAPES = {"": "circle", "preset": "circle", "auto": "triangle-up", "chosen": "star"}
-_CALLED = {"": "tried", "preset": "as the scene has it", "auto": "auto", "chosen": "chosen"}
+_SHAPES: dict[Mark, str] = {"": "circle", "preset": "circle", "auto": "triangle-up", "chosen": "star"}
+_CALLED: dict[Mark, str] = {"": "tried", "preset": "as the scene has it", "auto": "auto", "chosen": "chosen"}
 _FLOOR_SHARE = 0.08  # of the height: how far below everything else failures lie
 _ROOM, _LEAST_ROOM = 0.08, 0.02
 
@@ -80,7 +80,7 @@ def _floor(panel: Panel) -> float:
     return 10.0**floor if panel.log_y else floor
 
 
-def _dots(figure: go.Figure, mark: str, dots: Sequence[Dot], off: bool) -> None:
+def _dots(figure: go.Figure, mark: Mark, dots: Sequence[Dot], off: bool) -> None:
     if not dots:
         return
     figure.add_scatter(

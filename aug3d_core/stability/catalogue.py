@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from aug3d_core.errors import UsageError
 from aug3d_core.stability.cell import Cell
 from aug3d_core.stability.perturbation import Perturbation
 from aug3d_core.stability.perturbations import (
@@ -18,6 +17,7 @@ from aug3d_core.stability.perturbations import (
     surface,
     virtual_views,
 )
+from aug3d_core.study.words import picked
 
 PERTURBATIONS: tuple[Perturbation, ...] = (
     *photographs.PERTURBATIONS,
@@ -36,12 +36,7 @@ def chosen(only: Sequence[str], quick: bool) -> list[Perturbation]:
     """Return the perturbations in whose name words begin as given, or those of a size; raises UsageError for words in none."""
     if not only:
         return [perturbation for perturbation in PERTURBATIONS if perturbation.quick or not quick]
-    found = {words: {p.name for p in PERTURBATIONS if f" {words.lower()}" in f" {p.name.lower()}"} for words in only}
-    for words, names in found.items():
-        if not names:
-            choices = ", ".join(p.name for p in PERTURBATIONS)
-            raise UsageError(f"there is no perturbation {words!r}", f"choose from: {choices}")
-    wanted = set.union(*found.values())
+    wanted = picked("perturbation", [p.name for p in PERTURBATIONS], only)
     return [p for p in PERTURBATIONS if p.name in wanted]
 
 

@@ -20,3 +20,8 @@ def study_effort(scene: FinishedScene, quick: bool, overrides: Iterable[str]) ->
         f"training.{name}={max(1, round(share * getattr(training, name)))}" for name in ("steps", "warmup_steps")
     ]
     return replace(scene, settings=scene.config((*shortened, *_ALIKE, *overrides)))
+
+
+def repeats(seeds: int, quick: bool) -> int:
+    """Return how often each arm is made: twice at most for a look, since an interval needs two."""
+    return min(seeds, 2) if quick else seeds

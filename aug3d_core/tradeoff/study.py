@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from aug3d_core.bench.trial import Say
-from aug3d_core.errors import UsageError
 from aug3d_core.stability.world import SMALL_TOWN
 from aug3d_core.store.store import Store
+from aug3d_core.study.words import picked
 from aug3d_core.tradeoff.arm import FACTORY, Arm, Result
 from aug3d_core.tradeoff.plan import (
     NOT_DRAWN,
@@ -124,13 +124,10 @@ def _first(scene: StudiedScene, quick: bool, seeds: int, search_only: bool) -> I
 
 
 def _chosen(cells: Iterable[tuple[Arm, int]], only: Sequence[str]) -> list[tuple[Arm, int]]:
-    """Return the cells of the panels that have one of the words in their name."""
+    """Return the cells of the panels in whose names words begin as given."""
     drawn = list(cells)
-    found = [cell for cell in drawn if not only or any(word.lower() in cell[0].panel.lower() for word in only)]
-    if not found:
-        names = "; ".join(dict.fromkeys(arm.panel for arm, _ in drawn))
-        raise UsageError(f"there is no panel {' or '.join(map(repr, only))}", f"choose from: {names}")
-    return found
+    wanted = picked("panel", dict.fromkeys(arm.panel for arm, _ in drawn), only)
+    return [cell for cell in drawn if cell[0].panel in wanted]
 
 
 def _again(results: Sequence[Result], seeds: int, target_db: float | None) -> list[tuple[Arm, int]]:

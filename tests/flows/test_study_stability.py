@@ -69,3 +69,18 @@ def test_a_silent_failure_is_said_aloud(cells, monkeypatch: pytest.MonkeyPatch, 
     done = invoke("--only", "terraces", "--seeds", 1, "--home", tmp_path)
     assert done.exit_code == 3
     assert "silent: terraces" in done.output and "SILENT" in done.output
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("prefect")
+def test_the_flow_of_the_prefect_ui_says_the_same(cells, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from flows.stability_run import stability
+
+    monkeypatch.setattr("flows.stability_run.log_stability", lambda *_: "MLflow is away")
+    monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
+    cells(sound)
+    well = stability(["terraces"], seeds=1, return_state=True)
+    assert well.is_completed() and "none silent" in (well.message or "") and "MLflow is away" in (well.message or "")
+    cells(lambda store, cell, say: Result(cell, {}, None, "ok"))
+    ill = stability(["terraces"], seeds=1, return_state=True)
+    assert ill.is_failed() and "silent failures" in (ill.message or "")

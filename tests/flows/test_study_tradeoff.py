@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tradeoff.stand_in import Made, Stages, settle
+from tradeoff.stand_in import Made, Stages, stand_in
 from typer.testing import CliRunner
 
 from aug3d_core.store import layout
@@ -21,10 +21,7 @@ def invoke(*arguments: str | Path):
 
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
-    stand_in = Stages()
-    monkeypatch.setattr("aug3d_core.bench.trial.make", stand_in.make)
-    monkeypatch.setattr("aug3d_core.bench.trial.settle", settle)
-    return stand_in
+    return stand_in(monkeypatch)
 
 
 @pytest.mark.parametrize(

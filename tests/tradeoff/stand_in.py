@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pytest
 
 from aug3d_core.errors import StageFailed
 from aug3d_core.make import Source, key_of
@@ -94,6 +95,14 @@ class Stages:
                 "over_best_cheap_db": psnr - 20, 
             }  # fmt: skip
         return {}
+
+
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> Stages:
+    """Put a formula in the place of the factory."""
+    stages = Stages()
+    monkeypatch.setattr("aug3d_core.bench.trial.make", stages.make)
+    monkeypatch.setattr("aug3d_core.bench.trial.settle", settle)
+    return stages
 
 
 def settle(stage: Stage, config: SceneConfig, *_: Any) -> Settled:

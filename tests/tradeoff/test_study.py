@@ -120,8 +120,8 @@ def test_chosen_panels_are_made_alone_and_told(stages: Stages, tmp_path: Path) -
     assert found.best is None and found.search is None and found.auto is None
     page = (write_study(Store(tmp_path), found, "here") / layout.STUDY_PAGE).read_text()
     assert "as the scene has it" in page and "see_pixels false" in page and "has a score" not in page
-    with pytest.raises(UsageError, match="no panel 'triangle' or 'faces'"):
-        studied(tmp_path, only=["triangle", "faces"])
+    with pytest.raises(UsageError, match="no panel 'faces'"):
+        studied(tmp_path, only=["render", "faces"])
 
 
 def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_path: Path) -> None:
