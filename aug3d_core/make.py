@@ -85,6 +85,7 @@ def make(store: Store, stage: Stage, config: StageConfig, sources: Mapping[str, 
         record = store.find(stage.name, key)
         if record is not None:
             return record
+        store.drop_broken(stage.name, key)
         with store.turn(stage.name, progress) if stage.alone else nullcontext():
             return _compute(store, stage, key, config, sources, progress)
 

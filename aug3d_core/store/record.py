@@ -5,11 +5,15 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
+from pydantic import ConfigDict
+
 from aug3d_core.stage import Frozen, Metric, State
 
 
 class FileEntry(Frozen):
     """One file of an object. Size and modification time are a quick check; the sha256 is the truth."""
+
+    model_config = ConfigDict(extra="ignore")
 
     sha256: str
     size_bytes: int
@@ -20,8 +24,10 @@ class Record(Frozen):
     """What stands in `record.json`, written last.
 
     key identifies the work (code, config, inputs, engines), recipe the same without the inputs; digest identifies the
-    result (paths and bytes of the files).
+    result (paths and bytes of the files). A field that a newer version of aug3d added is passed over.
     """
+
+    model_config = ConfigDict(extra="ignore")
 
     stage: str
     key: str

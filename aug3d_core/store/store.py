@@ -106,17 +106,28 @@ class Store:
             lock.release()
 
     def find(self, stage: str, key: str) -> Record | None:
-        """Return the record of a complete, unaltered object. An altered one is moved out of the way."""
+        """Return the record of a complete, unaltered object; None if there is none. Nothing on the disk is changed.
+
+        Raises StoreError where the disk does not let us tell.
+        """
         folder = self.object_dir(stage, key)
         try:
             record = Record.model_validate_json((folder / layout.RECORD).read_bytes())
-        except (FileNotFoundError, ValidationError):
-            record = None
-        if record is not None and all(_intact(folder / layout.FILES / path, e) for path, e in record.files.items()):
-            return record
+            whole = all(_intact(folder / layout.FILES / path, entry) for path, entry in record.files.items())
+        except (FileNotFoundError, NotADirectoryError, ValidationError):
+            return None
+        except OSError as error:
+            raise StoreError(
+                f"{error.filename or folder} cannot be read: {error.strerror}",
+                "see that you may read it and that its disk is well, then try again",
+            ) from error
+        return record if whole else None
+
+    def drop_broken(self, stage: str, key: str) -> None:
+        """Delete what is left of an object that `find` does not find: only for whoever holds the object's lock."""
+        folder = self.object_dir(stage, key)
         if folder.exists():
             discard(folder)
-        return None
 
     def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
         """Return the files' folders of the objects that a recipe made, newest first."""
@@ -188,10 +199,7 @@ def disk_full(error: OSError) -> bool:
 
 
 def _intact(path: Path, entry: FileEntry) -> bool:
-    try:
-        stat = path.stat()
-    except OSError:
-        return False
+    stat = path.stat()
     if (stat.st_size, stat.st_mtime_ns) == (entry.size_bytes, entry.mtime_ns):
         return True  # as git does: unchanged size and time mean unchanged bytes
     return stat.st_size == entry.size_bytes and file_entry(path).sha256 == entry.sha256

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import multiprocessing
 import os
@@ -58,7 +59,7 @@ def test_a_missing_object_is_not_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("harm", ["alter", "alter_same_size", "delete", "no_record", "half_record"])
-def test_a_harmed_object_is_not_found_and_moved_away(tmp_path: Path, harm: str) -> None:
+def test_a_harmed_object_is_not_found_and_stays_until_its_maker_drops_it(tmp_path: Path, harm: str) -> None:
     store = Store(tmp_path)
     record = commit(store)
     file = store.files_dir(record) / "sub" / "a.txt"
@@ -74,9 +75,37 @@ def test_a_harmed_object_is_not_found_and_moved_away(tmp_path: Path, harm: str) 
         record_file.unlink()
     else:
         record_file.write_text(record_file.read_text()[:50])
+    held = sorted(store.object_dir("photos", "k1").rglob("*"))
     assert store.find("photos", "k1") is None
-    assert not store.object_dir("photos", "k1").exists()
+    assert sorted(store.object_dir("photos", "k1").rglob("*")) == held, "whoever only looks deletes nothing"
+    store.drop_broken("photos", "k1")
     assert commit(store).digest == record.digest  # and it can be made again
+
+
+def test_a_record_of_a_newer_version_is_read(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    file = store.object_dir("photos", "k1") / layout.RECORD
+    told = json.loads(file.read_text())
+    told["files"]["sub/a.txt"]["mode"] = 0o644
+    file.write_text(json.dumps(told | {"joules": 3.0}))
+    assert store.find("photos", "k1") == record
+
+
+def test_a_disk_that_cannot_be_read_is_no_harmed_object(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path)
+    commit(store)
+    stat = Path.stat
+
+    def failing(path: Path, **how: bool) -> os.stat_result:
+        if path.name == "a.txt":
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+        return stat(path, **how)
+
+    monkeypatch.setattr(Path, "stat", failing)
+    with pytest.raises(StoreError, match=r"a\.txt cannot be read: Input/output error\n.*try again"):
+        store.find("photos", "k1")
+    assert store.object_dir("photos", "k1").is_dir()
 
 
 def test_a_touched_but_unaltered_file_is_still_whole(tmp_path: Path) -> None:
