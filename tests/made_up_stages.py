@@ -23,6 +23,7 @@ class Stages:
 
     def __init__(self, folds: int) -> None:
         self.folds, self.psnr_db = folds, 20.0
+        self.photographs = "p"  # begins the digest of each fold's test photographs
         self.computed: list[str] = []
         self.fails: tuple[str, int] | None = None  # stage, fold
 
@@ -67,4 +68,5 @@ class Stages:
         scores |= {f"{name}_{score}": 15.0 for name in CHEAP for score in ("psnr", "ssim")}
         table = pd.DataFrame([{"group": group, "photo_id": group} | scores for group in range(2)])
         table.to_parquet(files / layout.TEST_VIEWS)
-        return dict(summary(table, EvaluationConfig()))
+        rules = {"test_photos": f"{self.photographs}{fold}", "conventions": "c"}
+        return dict(summary(table, EvaluationConfig())) | rules

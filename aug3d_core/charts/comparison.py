@@ -200,6 +200,9 @@ def _not_comparable(sides: Sequence[Side]) -> str:
     without = [one.name for one in sides if PSNR not in one.metrics]
     if without:
         return f"{', '.join(without)}: no tested model"
+    unknown = [one.name for one in sides if not all(one.about.get(rule) for rule in RULES)]
+    if unknown:
+        return f"{', '.join(unknown)}: not known on which photographs and by which rules it was tested"
     if len({one.about.get("test_photos") for one in sides}) > 1:
         return "other test photographs"
     if len({one.about.get("conventions") for one in sides}) > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,11 @@ def pooled(evaluations: Sequence[tuple[Record, Path]]) -> dict[str, Any]:
     if len(evaluations) == 1:
         return first.metrics
     views = test_views([folder for _, folder in evaluations])
-    return summary(views, EvaluationConfig(**first.config)) | {"conventions": first.metrics.get("conventions")}
+    photographs = [record.metrics.get("test_photos") for record, _ in evaluations]
+    return summary(views, EvaluationConfig(**first.config)) | {
+        "conventions": first.metrics.get("conventions"),
+        "test_photos": _digest(photographs) if all(photographs) else None,
+    }
 
 
 def test_views(folders: Sequence[Path]) -> pd.DataFrame:
@@ -28,3 +33,7 @@ def test_views(folders: Sequence[Path]) -> pd.DataFrame:
     tables = [pd.read_parquet(folder / layout.TEST_VIEWS).assign(fold=fold) for fold, folder in enumerate(folders)]
     joined = pd.concat(tables, ignore_index=True)
     return joined.assign(group=joined.groupby(["fold", "group"]).ngroup())
+
+
+def _digest(parts: Sequence[Any]) -> str:
+    return hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()[: len(str(parts[0]))]

@@ -44,7 +44,8 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
     """Return why a version must not replace the published one, or None if it may.
 
     Both are what their `metrics.json` holds. A version that failed, or that tested no model, is never published. Scores on
-    other test photographs say nothing about each other: then a degraded version does not replace one that is ok.
+    other test photographs, or on some that are not known, say nothing about each other: then a degraded version does not
+    replace one that is ok.
     """
     if "failure" in metrics:
         return f"it failed: {metrics['failure']['problem']}"
@@ -54,7 +55,7 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
     then = (before or {}).get("nvs")
     if before is None or then is None:
         return None
-    if any(now.get(rule) != then.get(rule) for rule in RULES):
+    if any(not now.get(rule) or now[rule] != then.get(rule) for rule in RULES):
         worse = (metrics["state"], before["state"]) == ("degraded", "ok")
         return (
             "it is degraded, the published version is ok, and their scores are of other photographs" if worse else None

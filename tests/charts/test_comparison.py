@@ -106,6 +106,14 @@ def test_scores_of_another_test_are_not_judged_and_costs_are(part: str, value: s
     assert rows(found)[PSNR].better == (None, None) and rows(found)["sfm.seconds"].better == (None, True)
 
 
+@pytest.mark.parametrize("part", ["test_photos", "conventions"])
+def test_runs_whose_test_is_not_known_are_not_judged(part: str) -> None:
+    one, other = metrics(20.0), metrics(30.0)
+    del one["nvs"][part], other["nvs"][part]
+    found = compare([side("a", one, {}), side("b", other, {})])
+    assert found.not_comparable.startswith("a, b: not known") and rows(found)[PSNR].better == (None, None)
+
+
 def test_a_run_without_a_test_has_no_score_to_compare() -> None:
     failed = metrics()
     del failed["nvs"], failed["stages"]["evaluation"]

@@ -11,11 +11,13 @@ from made_up_stages import Stages
 from rich.console import Console
 from typer.testing import CliRunner
 
+from aug3d_core.charts.comparison import compare, side
 from aug3d_core.errors import StageFailed
 from aug3d_core.make import Material
 from aug3d_core.scene_config import scene_config
 from aug3d_core.stages import FROM_PHOTOS, GROUPING
 from aug3d_core.store import layout
+from aug3d_core.store.published import held_back
 from aug3d_core.store.store import Store
 from flows.cli import app
 from flows.display import Display
@@ -70,6 +72,19 @@ def test_a_small_scene_is_made_fold_by_fold_and_judged_on_all(
     again = run(tmp_path / "home", folder, auto=("depth.max_px",))
     assert stages.computed == [] and all(figures["cached"] for figures in again["stages"].values())
     assert "cannot be used" in again["mlflow"]["waiting"] and again["state"] == metrics["state"]
+
+
+def test_folds_are_compared_where_all_their_test_photographs_are_the_same(
+    stages: Stages, folder: Path, tmp_path: Path
+) -> None:
+    first = run(tmp_path / "first", folder)
+    stages.psnr_db = 10.0
+    worse = run(tmp_path / "worse", folder)
+    assert "PSNR fell by 10.00 dB" in (held_back(worse, first, 0.5) or "")
+    stages.photographs = "q"
+    others = run(tmp_path / "others", folder)
+    assert held_back(others, first, 0.5) is None
+    assert compare([side("a", first, {}), side("b", others, {})]).not_comparable == "other test photographs"
 
 
 def test_a_dry_run_and_show_know_the_folds(stages: Stages, folder: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from aug3d_core.errors import StoreError, UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.published import held_back, publish, published
+from aug3d_core.store.published import RULES, held_back, publish, published
 from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 
@@ -73,3 +73,13 @@ def test_scores_of_other_photographs_are_not_compared() -> None:
     assert held_back(scored(10.0, "b"), scored(20.0, "a"), 0.5) is None
     assert "degraded" in (held_back(scored(30.0, "b", "degraded"), scored(20.0, "a"), 0.5) or "")
     assert held_back(scored(30.0, "b", "degraded"), scored(20.0, "a", "degraded"), 0.5) is None
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("of", ["before", "now", "both"])
+def test_scores_of_a_test_that_is_not_known_are_not_compared(rule: str, of: str) -> None:
+    before, now = scored(20.0), scored(10.0)
+    for name, version in (("before", before), ("now", now)):
+        if of in (name, "both"):
+            version["nvs"][rule] = None
+    assert held_back(now, before, 0.5) is None
