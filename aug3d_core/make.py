@@ -11,6 +11,7 @@ from aug3d_core.errors import StageFailed
 from aug3d_core.formats.recognise import pose_digest, recognise
 from aug3d_core.isolation import run_isolated
 from aug3d_core.photos.discover import folder_digest
+from aug3d_core.side_reports import on_the_side
 from aug3d_core.stage import Frozen, Outcome, Progress, Stage, StageConfig
 from aug3d_core.stage_main import Job
 from aug3d_core.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES, FROM_TOWN
@@ -78,7 +79,8 @@ def key_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> 
 def make(store: Store, stage: Stage, config: StageConfig, sources: Mapping[str, Source], progress: Progress) -> Record:
     """Return the object's record, computing it unless the store has it; raises StageFailed.
 
-    Whoever comes second waits for the lock and then finds the object made.
+    Whoever comes second waits for the lock and then finds the object made. `progress` is called from another thread; what
+    it raises or how long it takes does not touch the work.
     """
     key = key_of(stage, config, sources)
     with store.lock(stage.name, key):
@@ -86,8 +88,8 @@ def make(store: Store, stage: Stage, config: StageConfig, sources: Mapping[str, 
         if record is not None:
             return record
         store.drop_broken(stage.name, key)
-        with store.turn(stage.name, progress) if stage.alone else nullcontext():
-            return _compute(store, stage, key, config, sources, progress)
+        with on_the_side(progress) as report, store.turn(stage.name, report) if stage.alone else nullcontext():
+            return _compute(store, stage, key, config, sources, report)
 
 
 def _compute(

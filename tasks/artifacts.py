@@ -20,6 +20,7 @@ from prefect.runtime import flow_run
 
 from aug3d_core.charts.comparison import Comparison, change_text
 from aug3d_core.charts.thumbnails import thumbnail_jpeg
+from aug3d_core.side_reports import failures_logged
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 
@@ -117,10 +118,14 @@ class PrefectProgress:
         """A step that turns out to be cached has no progress."""
 
     def advanced(self, step: str, done: int, total: int, what: str) -> None:
-        """Tell at most every two seconds: each time is a call to the server."""
+        """Tell at most every two seconds: each time is a call to the server. One that fails is logged."""
         if time.monotonic() - self._told < _TELL_EVERY_S:
             return
         self._told = time.monotonic()
+        with failures_logged():
+            self._tell(step, done, total, what)
+
+    def _tell(self, step: str, done: int, total: int, what: str) -> None:
         percent = 100.0 * done / max(total, 1)
         if step in self._of:
             update_progress_artifact(self._of[step], percent, description=f"{step}: {what}")
@@ -131,9 +136,10 @@ class PrefectProgress:
             self._of[step] = made
 
     def finished(self, made: Made) -> None:
-        """Fill the bar."""
+        """Fill the bar; a call that fails is logged."""
         if made.step.name in self._of:
-            update_progress_artifact(self._of[made.step.name], 100.0)
+            with failures_logged():
+                update_progress_artifact(self._of[made.step.name], 100.0)
 
 
 def publish_links(metrics: dict[str, Any]) -> None:

@@ -107,15 +107,39 @@ def test_a_run_that_is_cancelled_ends_its_stage(tmp_path: Path) -> None:
     """Prefect cancels by an exception in the thread that waits, as Ctrl-C does."""
     pids: list[int] = []
 
-    def cancel(*_: object) -> None:
+    def cancel() -> None:
         pids.extend(wait_for_pid(tmp_path, name) for name in ("pid", "worker_pid"))
         assert psutil.Process(pids[0]).name() == "aug3d fake"
-        raise KeyboardInterrupt
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
-    with pytest.raises(KeyboardInterrupt):
-        make(Store(tmp_path / "home"), fake_stage(tmp_path), FakeConfig(do="hang"), {}, cancel)
+    heard = signal.signal(signal.SIGINT, signal.default_int_handler)
+    canceller = threading.Thread(target=cancel)
+    canceller.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run(tmp_path, "hang")
+    finally:
+        signal.signal(signal.SIGINT, heard)
     for pid in pids:
         wait_until_dead(pid)
+
+
+def test_a_listener_that_fails_does_not_end_the_stage(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    def refuse(*_: object) -> None:
+        raise ConnectionError("the server said 500")
+
+    stage = fake_stage(tmp_path)
+    assert make(Store(tmp_path / "home"), stage, FakeConfig(), {}, refuse).metrics["figure"] == 1.5
+    assert "the server said 500" in caplog.text
+
+
+def test_a_listener_that_sleeps_does_not_hold_up_the_watch(tmp_path: Path) -> None:
+    stage, woken = fake_stage(tmp_path, limit_s=2.0), threading.Event()
+    started = time.monotonic()
+    with pytest.raises(StageFailed) as caught:
+        make(Store(tmp_path / "home"), stage, FakeConfig(do="hang"), {}, lambda *_: woken.wait(60) and None)
+    woken.set()
+    assert caught.value.cause == "timeout" and time.monotonic() - started < 30
 
 
 def test_a_killed_stage_resumes_and_a_plain_one_starts_afresh(tmp_path: Path) -> None:
