@@ -21,5 +21,5 @@ $(READY): pyproject.toml constraints.txt infra/setup.sh
 	@infra/setup.sh $(VENV)
 	@touch $(READY)
 
-clean:  ## drop the environment and what the demo made
-	rm -rf $(VENV) aug3d_data
+clean:  ## drop the environment; what aug3d made stays (aug3d gc drops what is not needed)
+	rm -rf $(VENV)
