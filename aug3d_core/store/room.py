@@ -130,7 +130,7 @@ def bytes_to_write(material: Material, config: SceneConfig, before: Mapping[str,
     folds = 1
     found: dict[str, int] = {}
     for step, record in planned:
-        if step.stage == GROUPING and record is None:
+        if step.stage == GROUPING and step.fold == 0 and record is None:
             folds = _likely_folds(now, before)  # the plan has only the first until the split is made
         if record is None:
             last = before.get(step.name) or before.get(step.stage.name)

@@ -117,8 +117,8 @@ def test_a_small_scene_is_counted_in_its_folds(tmp_path: Path) -> None:
 
 def test_folds_that_are_known_count_once_each(tmp_path: Path) -> None:
     given = material(tmp_path / "photos", 18)
-    split = record("grouping", TINY, folds=3)
-    plan = [(s, split if s.stage.name == "grouping" else None) for s in steps(FROM_PHOTOS, {"grouping": split})]
+    split = record("grouping", TINY, folds=3)  # of the first fold: the others were not made when the run was killed
+    plan = [(s, split if s.name == "grouping" else None) for s in steps(FROM_PHOTOS, {"grouping": split})]
     told = bytes_to_write(given, TINY, {}, plan)
     unknown = bytes_to_write(given, TINY, {}, nothing_made(given))
     assert {stage: told[stage] for stage in ("depth", "training")} == {s: unknown[s] for s in ("depth", "training")}
