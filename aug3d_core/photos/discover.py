@@ -32,13 +32,13 @@ def find_photos(folder: Path) -> Found:
     """List the photographs in a folder and below it.
 
     Linked folders are not entered and hidden ones are skipped: neither loops, nor thumbnails, nor files from elsewhere
-    come in by accident.
+    come in by accident. Raises InputError if the folder, or one below it, is none or cannot be read.
     """
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "does not exist"
         raise InputError(f"{folder} {what}", "Name the folder that holds the photographs.")
     names, ignored = [], 0
-    for parent, folders, files in os.walk(folder, followlinks=False):
+    for parent, folders, files in os.walk(folder, followlinks=False, onerror=_refuse):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for file in files:
             path = Path(parent) / file
@@ -47,6 +47,14 @@ def find_photos(folder: Path) -> Found:
             else:
                 ignored += 1
     return Found(tuple(sorted(names, key=natural_key)), ignored)
+
+
+def _refuse(error: OSError) -> None:
+    # Without its photographs the scene would be another one, and nobody would know.
+    raise InputError(
+        f"{error.filename} cannot be read: {error.strerror}",
+        "Make it readable for you, or move it out of the folder of photographs.",
+    ) from error
 
 
 def folder_digest(folder: Path) -> str:

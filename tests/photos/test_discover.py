@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import random
 from pathlib import Path
 
@@ -54,6 +56,21 @@ def test_linked_folders_are_not_entered(tmp_path: Path) -> None:
     (tmp_path / "photos" / "link").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "photos" / "loop").symlink_to(tmp_path / "photos")
     assert find_photos(tmp_path / "photos").names == ("a.jpg",)
+
+
+def test_a_subfolder_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    touch(tmp_path, "a.jpg", "sub/shut/b.jpg")
+    scandir = os.scandir
+
+    def guarded(path: str) -> object:
+        if Path(path).name == "shut":
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", guarded)
+    for look in (find_photos, folder_digest):
+        with pytest.raises(InputError, match=r"sub/shut cannot be read: Permission denied\n.*readable"):
+            look(tmp_path)
 
 
 def test_no_folder(tmp_path: Path) -> None:
