@@ -151,15 +151,15 @@ class Store:
         return record
 
     def keep_failure(self, work: Path, stage: str, key: str, *, resumable: bool) -> Path:
-        """Put job and log of a failed try where the user can replay it; return that folder.
+        """Put job and log of a failed try where the user can replay it; return that folder, the work folder on a full disk.
 
         Partial files stay only if the next try can go on with them. They go first: the disk may be full of them.
         """
         if not resumable:
             shutil.rmtree(work / layout.FILES, ignore_errors=True)
         kept = self.failure_dir(stage, key)
-        kept.mkdir(parents=True, exist_ok=True)
         try:
+            kept.mkdir(parents=True, exist_ok=True)
             for name in (layout.JOB, layout.LOG, layout.ERROR):
                 if (work / name).exists():
                     shutil.copyfile(work / name, kept / name)

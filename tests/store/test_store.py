@@ -115,6 +115,25 @@ def test_a_touched_but_unaltered_file_is_still_whole(tmp_path: Path) -> None:
     assert store.find("photos", "k1") == record
 
 
+@pytest.mark.parametrize("resumable", [False, True])
+def test_a_failure_that_a_full_disk_cannot_keep_stays_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, resumable: bool
+) -> None:
+    store = Store(tmp_path)
+    work, mkdir = store.work_dir("photos", "k1"), Path.mkdir
+    work.mkdir(parents=True)
+    (work / layout.LOG).write_text("the end")
+
+    def full(path: Path, *how: object, **more: bool) -> None:
+        if path.is_relative_to(tmp_path / layout.FAILURES):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        mkdir(path, *how, **more)
+
+    monkeypatch.setattr(Path, "mkdir", full)
+    assert store.keep_failure(work, "photos", "k1", resumable=resumable) == work
+    assert (work / layout.LOG).read_text() == "the end"
+
+
 def test_a_work_folder_is_not_an_object(tmp_path: Path) -> None:
     store = Store(tmp_path)
     (store.work_dir("photos", "k1") / layout.FILES).mkdir(parents=True)
