@@ -31,7 +31,7 @@ from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.scenes import scenes
 from flows.server import prefect_server
-from flows.settings import apply_local_environment
+from flows.settings import OURS, apply_local_environment
 from flows.study import study
 from flows.study_stability import study_stability
 from flows.study_tradeoff import study_tradeoff
@@ -195,12 +195,14 @@ def _run_flow(
     )
     with prefect_server(store.root):
         # Prefect reads its settings when it is imported, so it is imported after they are set.
+        from prefect import tags
+
         from flows.display import Display
         from flows.factory import factory
         from tasks.progress import listening
 
         photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
-        with Display(console, stages) as display, listening(display):
+        with Display(console, stages) as display, listening(display), tags(OURS):
             return factory(scene, photos, preset, config, str(store.root), poses)
 
 

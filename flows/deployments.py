@@ -14,10 +14,11 @@ from prefect.utilities.annotations import freeze
 
 from aug3d_core.registry.entry import SceneEntry
 from flows.regenerate import batch, regenerate
+from flows.settings import OURS
 from flows.stability_run import stability
 from flows.study_run import study_scene, tradeoff
 
-OURS, SCENE = "aug3d", "scene"  # tags: of everything here, and of a scene of the registry
+SCENE = "scene"  # tag of a scene of the registry
 _ONE_AT_A_TIME = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
 _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # flow, name, what it is given, description
     (

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from prefect import flow
+from prefect import flow, tags
 from prefect.client.schemas.objects import State
 from prefect.states import Completed, Failed
 from pydantic import Field
@@ -21,7 +21,7 @@ from aug3d_core.store.scenes import records_before, records_of, version_metrics,
 from aug3d_core.store.store import Store
 from flows.factory import beside_published, make_version
 from flows.plan import planned
-from flows.settings import home
+from flows.settings import OURS, home
 from tasks import artifacts
 from tasks.alive import alive
 from tasks.progress import listening
@@ -72,7 +72,8 @@ def batch(
             raise UsageError(
                 f"the registry has no scene {unknown[0]!r}", f"scenes there: {', '.join(known) or 'none yet'}"
             )
-        ends = {scene: _regenerated(scene, known[scene]) for scene in scenes or known}
+        with tags(OURS):  # a run's tags do not go on to the runs that it starts
+            ends = {scene: _regenerated(scene, known[scene]) for scene in scenes or known}
     artifacts.publish_batch({scene: (state.name or "", state.message or "") for scene, state in ends.items()})
     bad = [scene for scene, state in ends.items() if not state.is_completed()]
     if bad:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 HOME = "AUG3D_HOME"
+OURS = "aug3d"  # tag of everything that aug3d registers and runs with a Prefect server, which others may use too
 
 
 def home() -> Path:

@@ -10,8 +10,9 @@ import asyncio
 import contextlib
 import os
 import signal
-from collections.abc import Collection
+from collections.abc import Awaitable, Callable, Collection
 from datetime import UTC, datetime, timedelta
+from typing import TypeVar
 
 import psutil
 from prefect.client.orchestration import PrefectClient, get_client
@@ -22,8 +23,10 @@ from prefect.client.schemas.filters import (
     FlowRunFilterExpectedStartTime,
     FlowRunFilterState,
     FlowRunFilterStateType,
+    FlowRunFilterTags,
 )
 from prefect.client.schemas.objects import FlowRun, StateType
+from prefect.client.schemas.sorting import DeploymentSort, FlowRunSort
 from prefect.runner import Runner
 from prefect.states import AwaitingRetry, Cancelled, Crashed
 from prefect.types import DateTime
@@ -33,9 +36,9 @@ from aug3d_core.parent import SUPERVISED, die_with_parent
 from aug3d_core.registry.entry import SceneEntry
 from aug3d_core.registry.files import read_each
 from aug3d_core.store.store import Store
-from flows.deployments import OURS, SCENE, of_everything, of_scene
+from flows.deployments import SCENE, of_everything, of_scene
 from flows.services import tell_ready
-from flows.settings import home
+from flows.settings import OURS, home
 from tasks.alive import has_process
 from tasks.outbox import waiting
 from tasks.tracking import flush
@@ -45,7 +48,9 @@ _LOOK_EVERY_S = 5.0
 _ASK_EVERY_S = 2.0
 _TELL_EVERY_S = 30.0
 CANCELLED_WITHIN_S = 30.0
+_PAGE = 200  # the most that Prefect tells at a time
 
+T = TypeVar("T")
 Known = dict[str, SceneEntry | str]  # what the registry says of a scene, or what is wrong with it
 
 
@@ -63,7 +68,7 @@ async def _work(store: Store) -> None:
     known = await register(runner, store, None)
     async with get_client() as client:
         await take_over(client, store)
-        await one_of_the_missed(client)
+        await one_of_the_missed(client, store)
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
     watching = asyncio.create_task(_watch(runner, store, known))
@@ -91,7 +96,7 @@ async def _watch(runner: Runner, store: Store, known: Known) -> None:
         while True:
             await asyncio.sleep(_LOOK_EVERY_S)
             known = await register(runner, store, known)
-            await end_cancelled(client)
+            await end_cancelled(client, store)
 
 
 async def _tell_mlflow(store: Store) -> None:
@@ -128,14 +133,18 @@ async def register(runner: Runner, store: Store, known: Known | None) -> Known:
 async def _remove_all_but(scenes: Collection[str]) -> None:
     tagged = DeploymentFilter(tags=DeploymentFilterTags(all_=[OURS, SCENE]))
     async with get_client() as client:
-        for deployment in await client.read_deployments(deployment_filter=tagged, limit=200):
+        for deployment in await _all(
+            lambda offset: client.read_deployments(
+                deployment_filter=tagged, sort=DeploymentSort.NAME_ASC, limit=_PAGE, offset=offset
+            )
+        ):
             if deployment.name not in scenes:
                 await client.delete_deployment(deployment.id)
 
 
 async def take_over(client: PrefectClient, store: Store) -> None:
     """Put runs that no process works on back in line; end those that were being cancelled, and parts of others."""
-    for run in await _runs(client, StateType.RUNNING, StateType.PENDING, StateType.CANCELLING):
+    for run in await _runs(client, store, StateType.RUNNING, StateType.PENDING, StateType.CANCELLING):
         if has_process(store.root, str(run.id)):
             continue
         if run.state_type == StateType.CANCELLING:
@@ -147,9 +156,9 @@ async def take_over(client: PrefectClient, store: Store) -> None:
         await client.set_flow_run_state(run.id, state, force=True)
 
 
-async def end_cancelled(client: PrefectClient) -> None:
+async def end_cancelled(client: PrefectClient, store: Store) -> None:
     """End what the runner should have: it no longer hears of cancelling once Prefect was away for some seconds."""
-    for run in await _runs(client, StateType.CANCELLING):
+    for run in await _runs(client, store, StateType.CANCELLING):
         if run.state and run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
             continue
         for child in psutil.Process().children():
@@ -159,9 +168,9 @@ async def end_cancelled(client: PrefectClient) -> None:
         await client.set_flow_run_state(run.id, Cancelled(message="cancelled"), force=True)
 
 
-async def one_of_the_missed(client: PrefectClient) -> None:
+async def one_of_the_missed(client: PrefectClient, store: Store) -> None:
     """Of the runs that a deployment missed while nobody worked, keep the last: it makes up for all."""
-    due = [run for run in await _runs(client, StateType.SCHEDULED, due=True) if run.auto_scheduled]
+    due = [run for run in await _runs(client, store, StateType.SCHEDULED, due=True) if run.auto_scheduled]
     last = {run.deployment_id: run for run in sorted(due, key=_start)}
     for run in due:
         if run.id != last[run.deployment_id].id:
@@ -174,12 +183,28 @@ def _start(run: FlowRun) -> datetime:
     return run.expected_start_time or datetime.max.replace(tzinfo=UTC)
 
 
-async def _runs(client: PrefectClient, *states: StateType, due: bool = False) -> list[FlowRun]:
-    chosen = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states))))
+async def _runs(client: PrefectClient, store: Store, *states: StateType, due: bool = False) -> list[FlowRun]:
+    """Return our runs in these states: not those of others on the same server, nor those of a terminal with another home."""
+    chosen = FlowRunFilter(
+        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states))), tags=FlowRunFilterTags(all_=[OURS])
+    )
     if due:
         latest = DateTime.now("UTC") - timedelta(seconds=_LOOK_EVERY_S)
         chosen.expected_start_time = FlowRunFilterExpectedStartTime(before_=latest)
-    return await client.read_flow_runs(flow_run_filter=chosen, limit=200)
+    found = await _all(
+        lambda offset: client.read_flow_runs(
+            flow_run_filter=chosen, sort=FlowRunSort.ID_DESC, limit=_PAGE, offset=offset
+        )
+    )
+    return [run for run in found if run.parameters.get("home", str(store.root)) == str(store.root)]
+
+
+async def _all(page: Callable[[int], Awaitable[list[T]]]) -> list[T]:
+    """Return what lies on all pages; `page(offset)` returns what follows the first so many."""
+    found: list[T] = []
+    while more := await page(len(found)):
+        found += more
+    return found
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from made_up_stages import Stages
@@ -91,6 +92,13 @@ def test_only_what_changed_is_made_and_only_what_is_no_worse_is_published(stages
     assert good is not None and good.name in (now / layout.REPORT).read_text(), "the report compares with it"
 
 
+def runs_of(scene: str) -> list[Any]:
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        return [run for run in client.read_flow_runs(limit=200) if run.parameters.get("scene") == scene]
+
+
 def test_a_scene_that_fails_does_not_stop_the_others(stages: Stages, store: Store) -> None:
     from flows.regenerate import batch
 
@@ -104,4 +112,6 @@ def test_a_scene_that_fails_does_not_stop_the_others(stages: Stages, store: Stor
     assert published(store, "c_good") and not published(store, "b_gone")
     again = batch(["c_good"], return_state=True)
     assert again.is_completed() and "1 scenes are as they should be" in (again.message or "")
+    made = runs_of("c_good")
+    assert made and all(run.tags == ["aug3d"] for run in made), "the worker knows parts of a run as ours"
     assert "no scene 'nowhere'" in (batch(["nowhere"], return_state=True).message or "")

@@ -42,11 +42,15 @@ async def deployments() -> dict[str, Any]:
         return {deployment.name: deployment for deployment in await client.read_deployments()}
 
 
-def test_deployments_follow_the_registry(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
+def test_deployments_follow_the_registry(
+    store: Store, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     from prefect.runner import Runner
 
+    from flows import worker
     from flows.worker import register
 
+    monkeypatch.setattr(worker, "_PAGE", 1)
     write_scene(store, "one", scene(schedule=Schedule(cron="0 3 * * 1", timezone="Europe/Warsaw")))
     write_scene(store, "two", scene(settings={"training": {"steps": 77}}, tags=("old",)))
 
@@ -81,29 +85,37 @@ def test_the_form_says_what_each_setting_is_and_keeps_the_order_of_the_stages(st
             assert said.get("title", field) == field, "a form calls it what files and --set call it"
 
 
-def test_runs_without_a_process_are_taken_over(store: Store) -> None:
+def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     from prefect import flow
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelling, Completed, Running
 
+    from flows import worker
     from flows.deployments import of_scene
-    from flows.worker import take_over
     from tasks.alive import alive
 
+    monkeypatch.setattr(worker, "_PAGE", 1)
+
     @flow
-    def nothing() -> None: ...
+    def nothing(home: str = "") -> None: ...
 
     async def ends() -> list[str]:
         async with get_client() as client:
             states = Running(), Cancelling(), Completed(), Running()
-            runs = [await client.create_flow_run(nothing, state=state) for state in states]
+            ours = {"parameters": {"home": str(store.root)}, "tags": ["aug3d"]}
+            runs = [await client.create_flow_run(nothing, state=state, **ours) for state in states]
             deployment = await (await of_scene("taken", scene())).aapply()
             runs.append(await client.create_flow_run_from_deployment(deployment, state=Running()))
+            for others in ({"parameters": {"home": "/elsewhere"}, "tags": ["aug3d"]}, {"tags": ["theirs"]}):
+                runs.append(await client.create_flow_run(nothing, state=Running(), **others))
             with alive(store.root, str(runs[3].id)):
-                await take_over(client, store)
+                await worker.take_over(client, store)
             return [(await client.read_flow_run(made.id)).state.name for made in runs]
 
-    assert run(ends()) == ["Crashed", "Cancelled", "Completed", "Running", "AwaitingRetry"]
+    assert run(ends()) == [
+        "Crashed", "Cancelled", "Completed", "Running", "AwaitingRetry",  # ours
+        "Running", "Running",  # of another home, and of others
+    ]  # fmt: skip
 
 
 def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,12 +130,12 @@ def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch:
 
     async def state_and_process() -> tuple[str, int | None]:
         async with get_client() as client:
-            await worker.end_cancelled(client)
+            await worker.end_cancelled(client, store)
             return (await client.read_flow_run(made.id)).state.name, process.poll()
 
     async def make() -> Any:
         async with get_client() as client:
-            return await client.create_flow_run(nothing, state=Cancelling())
+            return await client.create_flow_run(nothing, state=Cancelling(), tags=["aug3d"])
 
     made = run(make())
     process = subprocess.Popen(["sleep", "60"], env={**os.environ, "PREFECT__FLOW_RUN_ID": str(made.id)})
@@ -149,7 +161,7 @@ def test_of_the_missed_runs_one_makes_up_for_all(store: Store) -> None:
         times = {"start_time": str(now - timedelta(hours=1)), "end_time": str(now + timedelta(minutes=25))}
         async with get_client() as client:
             await client._client.post(f"/deployments/{deployment}/schedule", json=times)
-            await one_of_the_missed(client)
+            await one_of_the_missed(client, store)
             runs = [made for made in await client.read_flow_runs() if made.deployment_id == deployment]
         return sorted((made.expected_start_time, made.state.name) for made in runs)
 
