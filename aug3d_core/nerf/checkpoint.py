@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
+from aug3d_core.durable import replacing
 from aug3d_core.errors import InputError
 from aug3d_core.nerf.config import TrainingConfig
 from aug3d_core.nerf.model import PixelNeRF
@@ -52,12 +53,11 @@ def load_model(folder: Path) -> PixelNeRF:
 
 
 def save_state(folder: Path, step: int, state: dict[str, Any]) -> None:
-    """Write the training state after a step; a kill in between leaves the former ones."""
+    """Write the training state after a step; a kill or a power cut in between leaves the former ones."""
     folder.mkdir(exist_ok=True)
     path = folder / STATE.format(step)
-    partial = path.with_suffix(".partial")
-    torch.save(state, partial)
-    partial.replace(path)
+    with replacing(path, path.with_suffix(".partial")) as file:
+        torch.save(state, file)
     for old in _superfluous(saved_steps(folder)):
         (folder / STATE.format(old)).unlink()
 
@@ -68,14 +68,14 @@ def saved_steps(folder: Path) -> list[int]:
 
 
 def load_state(folder: Path, step: int) -> dict[str, Any]:
-    """Read a training state."""
+    """Read a training state; raises InputError if it is damaged."""
     path = folder / STATE.format(step)
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except (RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(
-            f"checkpoint {path.name} is damaged ({reason})", f"delete {folder} to train from the start"
+            f"checkpoint {path.name} is damaged ({reason})", f"delete {path}: training goes on from an older one"
         ) from error
 
 

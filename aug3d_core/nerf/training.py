@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -39,16 +40,14 @@ def train(
     report: Callable[[Run], None] = lambda run: None,
     team: Team = ALONE,
 ) -> Run:
-    """Train across the scene's groups, from the last checkpoint if there is one, until it is enough.
+    """Train across the scene's groups, from the last checkpoint that is whole if there is one, until it is enough.
 
     Raises InputError if training runs into trouble again and again.
     """
     check_groups(scene, config)
     torch.set_num_threads(max(len(os.sched_getaffinity(0)) // team.size, 1))
     run = begin(config, team.device)
-    if steps := saved_steps(checkpoints):
-        _take_over(run, checkpoints, steps[-1])
-    else:
+    if not _go_on(run, checkpoints, saved_steps(checkpoints)):
         start_encoder(run)
     step = team.wrap(Step(run.model, scene))
     while run.step < last_step(config, run.tail_from):
@@ -90,8 +89,20 @@ def noise_of(seeds: list[int]) -> torch.Generator:
     return torch.Generator().manual_seed(int(np.random.SeedSequence(seeds).generate_state(1)[0]))
 
 
-def _take_over(run: Run, checkpoints: Path, step: int) -> None:
-    state = load_state(checkpoints, step)
+def _go_on(run: Run, checkpoints: Path, steps: list[int]) -> bool:
+    """Take over the newest of these states that is not damaged; say whether there was one."""
+    for step in reversed(steps):
+        try:
+            state = load_state(checkpoints, step)
+        except InputError as error:
+            print(f"{error.problem}: an older one is tried", flush=True)  # into the stage's log
+            continue
+        _take_over(run, checkpoints, state)
+        return True
+    return False
+
+
+def _take_over(run: Run, checkpoints: Path, state: dict[str, Any]) -> None:
     if state.get("config") != run.model.config.model_dump(mode="json"):
         raise InputError("the checkpoint is of another configuration", f"delete {checkpoints} to train from the start")
     run.load(state)
@@ -111,9 +122,7 @@ def _start_again(run: Run, trouble: Trouble, config: TrainingConfig, checkpoints
         )
     tried = past[-1].again_from if past else 0
     good = [step for step in saved_steps(checkpoints) if step <= trouble.onset - BEFORE and step != tried]
-    if good:
-        _take_over(run, checkpoints, good[-1])
-    else:
+    if not _go_on(run, checkpoints, good):
         begin_again(run)
     run.restarts = [*past, Restart(trouble, run.step)]
     team.wait()  # nobody may remove what another has yet to read

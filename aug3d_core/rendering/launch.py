@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 from aug3d_core.rendering.job import RenderJob, Shard, ViewDone
 from aug3d_core.worker import WorkerDied, run_worker
@@ -41,6 +43,21 @@ def render(job: RenderJob, on_view: Callable[[int], None], workers: int = 1) -> 
     with ThreadPoolExecutor(max(1, workers)) as pool:
         list(pool.map(lambda share: _finish(job, share, tally), [missing[i::workers] for i in range(workers)]))
     return tally.spent
+
+
+def drop_torn(shards: Sequence[Shard]) -> None:
+    """Delete the shards that a power cut left torn: they are rendered again."""
+    for shard in shards:
+        if shard.out.exists() and not _whole(shard.out):
+            shard.out.unlink()
+
+
+def _whole(file: Path) -> bool:
+    try:
+        with zipfile.ZipFile(file) as arrays:
+            return arrays.testzip() is None  # reads every array and compares its checksum
+    except zipfile.BadZipFile:
+        return False
 
 
 def _finish(job: RenderJob, share: Sequence[Shard], tally: _Tally) -> None:

@@ -15,7 +15,7 @@ from aug3d_core.errors import InputError
 from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.rendering.given import find_mesh, read_cameras
 from aug3d_core.rendering.job import Emission, RenderJob, Shard, Sunlit
-from aug3d_core.rendering.launch import Spent, render
+from aug3d_core.rendering.launch import Spent, drop_torn, render
 from aug3d_core.rendering.probe import ENOUGH_DB, Chosen, choose_samples
 from aug3d_core.rendering.quality import REASONS, figures, reasons
 from aug3d_core.rendering.sheet import save_sheet
@@ -83,6 +83,7 @@ def _shards(views: int, most: int, samples: int, folder: Path) -> tuple[Shard, .
 
 def _render(job: RenderJob, total: int, progress: Progress) -> Spent:
     """Render the shards that are not there."""
+    drop_torn(job.shards)
     there = sum(shard.last - shard.first for shard in job.shards if shard.out.exists())
     cores = len(os.sched_getaffinity(0))
     workers = min(cores, _MOST_WORKERS, len(job.shards))

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from aug3d_core.durable import replacing
 from aug3d_core.rendering.blender import open_scene, render_view, set_camera
 from aug3d_core.rendering.job import RenderJob, Shard, ViewDone
 from aug3d_core.worker import begin
@@ -57,10 +58,8 @@ def _arrays(job: RenderJob, shard: Shard, cameras: dict[str, np.ndarray]) -> dic
 
 
 def _write(out: Path, arrays: dict[str, np.ndarray]) -> None:
-    part = out.with_suffix(".part")
-    with part.open("wb") as file:
+    with replacing(out, out.with_suffix(".part")) as file:
         np.savez(file, **arrays)
-    part.replace(out)
 
 
 def resident_mib() -> float:

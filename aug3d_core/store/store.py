@@ -18,6 +18,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
+from aug3d_core.durable import replacing
 from aug3d_core.errors import StoreError
 from aug3d_core.stage import Progress
 from aug3d_core.store import layout
@@ -185,12 +186,8 @@ def file_entry(path: Path) -> FileEntry:
 
 def write_synced(path: Path, content: bytes) -> None:
     """Write a small file so that it is either old or new after a crash, never half."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as file:
+    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}")) as file:
         file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
 
 
 def disk_full(error: OSError) -> bool:

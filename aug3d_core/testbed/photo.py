@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import ExifTags, Image, TiffImagePlugin
 
+from aug3d_core.durable import replacing
+
 _QUALITY = 92
 _SENSOR_DIAGONAL_MM = 7.7
 
@@ -32,9 +34,8 @@ def save_photo(
     """Write a photograph in one piece, with the sensor's noise; the bytes depend on the arguments alone."""
     noisy = rgb + rng.normal(0, noise_levels, rgb.shape)
     image = Image.fromarray(np.rint(np.clip(noisy, 0, 255)).astype(np.uint8))
-    part = path.with_suffix(".part")
-    image.save(part, format="JPEG", quality=_QUALITY, subsampling=0, exif=_exif(stamp))
-    part.replace(path)
+    with replacing(path, path.with_suffix(".part")) as file:
+        image.save(file, format="JPEG", quality=_QUALITY, subsampling=0, exif=_exif(stamp))
 
 
 def _exif(stamp: Stamp) -> Image.Exif:

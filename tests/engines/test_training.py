@@ -9,7 +9,7 @@ from safetensors.torch import load_file
 
 from aug3d_core.errors import InputError
 from aug3d_core.nerf import training, training_stage
-from aug3d_core.nerf.checkpoint import STATE, save_state, saved_steps
+from aug3d_core.nerf.checkpoint import STATE, load_state, save_state, saved_steps
 from aug3d_core.nerf.run import begin, begin_again
 from aug3d_core.nerf.training import train
 from aug3d_core.store import layout
@@ -84,13 +84,25 @@ def test_a_killed_training_resumes_to_the_same_curve_and_weights(scene, dataset,
     assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.CURVE)
 
 
+@pytest.mark.parametrize("torn", [(10,), (5, 10)])
+def test_a_torn_checkpoint_costs_the_steps_since_the_one_before(scene, dataset, trained, tmp_path, torn, capsys):
+    folder = tmp_path / layout.CHECKPOINT
+    killed_at(12, scene, CONFIG, folder)
+    assert saved_steps(folder) == [5, 10]
+    for step in torn:
+        (folder / STATE.format(step)).write_bytes(b"")  # as a power cut leaves a file that was not synced
+    training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
+    assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.CURVE)
+    assert capsys.readouterr().out.count("is damaged") == len(torn)
+
+
 @pytest.mark.parametrize("size", [0, 200, -50])
-def test_a_corrupt_checkpoint_is_refused(scene, tmp_path, size):
+def test_a_corrupt_checkpoint_is_refused(tmp_path, size):
     save_state(tmp_path, 5, {"history": [1.0] * 100, "weights": torch.rand(100)})
     path = tmp_path / STATE.format(5)
     path.write_bytes(path.read_bytes()[:size])
     with pytest.raises(InputError, match=r"checkpoint state-00000005\.pt is damaged"):
-        train(scene, CONFIG, tmp_path)
+        load_state(tmp_path, 5)
 
 
 class Bomb:
@@ -100,10 +112,10 @@ class Bomb:
         return print, ("boom",)
 
 
-def test_a_checkpoint_with_code_is_refused_without_running_it(scene, tmp_path, capsys):
+def test_a_checkpoint_with_code_is_refused_without_running_it(tmp_path, capsys):
     save_state(tmp_path, 5, {"history": Bomb()})
     with pytest.raises(InputError, match=r"checkpoint state-00000005\.pt is damaged"):
-        train(scene, CONFIG, tmp_path)
+        load_state(tmp_path, 5)
     assert "boom" not in capsys.readouterr().out
 
 

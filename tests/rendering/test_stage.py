@@ -134,6 +134,15 @@ def test_shards_that_exist_are_not_rendered_again(renderer, tmp_path):
     assert third.metrics["overhead_share"] is None
 
 
+@pytest.mark.parametrize("torn", [b"", b"PK", bytes(4000)])
+def test_shards_that_a_power_cut_tore_are_rendered_again(renderer, tmp_path, torn):
+    _, table, _ = run(tmp_path)
+    (tmp_path / "out" / layout.SHARDS / "0001.npz").write_bytes(torn)
+    _, again, _ = run(tmp_path)
+    assert renderer.asked[3:] == ["0001.npz"]
+    pd.testing.assert_frame_equal(table, again)
+
+
 def test_shards_are_equal_and_do_not_depend_on_the_machine(renderer, tmp_path, monkeypatch):
     monkeypatch.setattr(stage.os, "sched_getaffinity", lambda _: set(range(16)))
     run(tmp_path, views=10)

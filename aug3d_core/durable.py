@@ -1,0 +1,23 @@
+"""Files that are whole even after a power cut."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+
+@contextmanager
+def replacing(path: Path, part: Path) -> Iterator[BinaryIO]:
+    """Open `part` to be written; it becomes `path` when the block ends without an error.
+
+    After a kill or a power cut `path` is as before or whole: a rename may reach the disk before the bytes do, unless they are
+    synced first.
+    """
+    with part.open("wb") as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
