@@ -130,13 +130,8 @@ def export_scene(
             if form == DTU:
                 export_groups(store.files_dir(object_of(store, version, "dataset")), folder, as_json)
                 return
-            objects = version["paths"]["objects"]
-            if "sfm" not in objects:
-                raise UsageError(
-                    f"scene {scene!r} has no camera poses: its last run ended before",
-                    f"see aug3d show {scene}, then run again",
-                )
-            views = export(Path(objects["sfm"]), Path(objects["photos"]), form, folder)
+            sfm, photos = (store.files_dir(object_of(store, version, step)) for step in ("sfm", "photos"))
+            views = export(sfm, photos, form, folder)
         if as_json:
             print(json.dumps({"folder": str(folder), "format": form, "views": views}))
         else:

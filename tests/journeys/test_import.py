@@ -79,4 +79,4 @@ def test_poses_that_cannot_be_used_end_in_one_sentence(
     assert list(shown["stages"]) == ["photos"] and shown["failure"] == failure
     exported = aug3d("export", "bad", tmp_path / "out", "--format", "colmap", "--home", home)
     assert exported.returncode == 2
-    assert "has no camera poses" in exported.stderr
+    assert "has no sfm" in exported.stderr
