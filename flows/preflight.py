@@ -9,6 +9,7 @@ import urllib.request
 from collections.abc import Mapping
 
 from aug3d_core.errors import StoreError
+from aug3d_core.store.scenes import masked
 from tasks.reach import unreachable
 
 _PREFECT, _MLFLOW = "PREFECT_API_URL", "MLFLOW_TRACKING_URI"
@@ -35,12 +36,12 @@ def check_servers(environment: Mapping[str, str] = os.environ) -> None:
             if variable == _MLFLOW:  # the run goes on, and MLflow is told of it afterwards
                 continue
             raise StoreError(
-                f"the {name} at {address} (from {variable}) cannot be reached: {why}",
+                f"the {name} at {masked(address)} (from {variable}) cannot be reached: {why}",
                 f"start it, or unset {variable} to run without a server",
             )
         if _turned_away(address + _GUARDED[variable], _authorization(variable, environment)):
             raise StoreError(
-                f"the {name} at {address} does not take the password that it is given",
+                f"the {name} at {masked(address)} does not take the password that it is given",
                 f"set {_PASSWORDS[variable]} to the one that it was first started with",
             )
 

@@ -88,7 +88,7 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
     places = {
         "report": paths["report"],
         "metrics": paths["metrics"],
-        "MLflow": f"{program('mlflow')} ui --backend-store-uri {paths['mlflow']}",
+        "MLflow": _mlflow_pages(paths["mlflow"]),
     }
     if "rendering" in paths["objects"]:
         places["renders"] = paths["objects"]["rendering"]
@@ -96,6 +96,12 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
         places["data set"] = paths["objects"]["dataset"]
     for name, place in places.items():
         console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)
+
+
+def _mlflow_pages(address: str) -> str:
+    """Return where the runs are to be seen: on the server, or with a command that serves the database."""
+    server = address.startswith(("http://", "https://"))
+    return address if server else f"{program('mlflow')} ui --backend-store-uri {address}"
 
 
 def program(name: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mlflow.tracking import MlflowClient
 
 from aug3d_core.errors import StoreError, UsageError
-from aug3d_core.store.scenes import mlflow_address
+from aug3d_core.store.scenes import masked, mlflow_address
 from aug3d_core.store.store import Store
 from tasks.reach import unreachable
 from tasks.tracking import TROUBLE, said
@@ -35,12 +35,13 @@ def logged_run(store: Store, beginning: str) -> LoggedRun:
         found = client.search_runs(experiments, f"attributes.run_id LIKE '{beginning}%'", max_results=2)
     except TROUBLE as error:
         raise StoreError(
-            f"MLflow at {address} cannot be used: {said(error)}", "name versions as SCENE@TIME: they need no MLflow"
+            f"MLflow at {masked(address)} cannot be used: {said(error)}",
+            "name versions as SCENE@TIME: they need no MLflow",
         ) from error
     if len(found) != 1:
         raise UsageError(
             f"{beginning!r} is no scene, and {'several runs' if found else 'no run'} in MLflow begin with it",
-            f"give more of the id, as MLflow at {address} shows it, or SCENE@TIME",
+            f"give more of the id, as MLflow at {masked(address)} shows it, or SCENE@TIME",
         )
     run = found[0]
     return LoggedRun(run.info.run_name or run.info.run_id, run.data.tags, run.data.params, run.data.metrics)

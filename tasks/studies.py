@@ -13,7 +13,7 @@ from mlflow.utils.mlflow_tags import MLFLOW_PARENT_RUN_ID
 
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import mlflow_address
+from aug3d_core.store.scenes import masked, mlflow_address
 from aug3d_core.store.store import Store
 from aug3d_core.study.cell import Result as CellResult
 from aug3d_core.study.findings import Findings
@@ -55,7 +55,7 @@ def log_nested(store: Store, experiment: str, study: Nested, files: Sequence[Pat
         _end(client, run_id, study)
     except TROUBLE as error:
         return (
-            f"MLflow at {address} was not told of this study: {said(error)}; mend it and run the study again: "
+            f"MLflow at {masked(address)} was not told of this study: {said(error)}; mend it and run the study again: "
             "nothing is computed twice"
         )
     return ""

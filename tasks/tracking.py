@@ -16,7 +16,7 @@ from prefect.cache_policies import NO_CACHE
 from sqlalchemy.exc import SQLAlchemyError
 
 from aug3d_core.store import layout
-from aug3d_core.store.scenes import mlflow_address, records_of, version_metrics
+from aug3d_core.store.scenes import masked, mlflow_address, records_of, version_metrics
 from aug3d_core.store.store import Store
 from tasks.outbox import Entry, my_turn, put, waiting
 from tasks.reach import unreachable
@@ -68,7 +68,7 @@ def flush(store: Store) -> Flushed:
     except Timeout:
         flushed.waiting = f"another process is logging to MLflow; {_LATER} what it leaves"
     except TROUBLE as error:
-        flushed.waiting = f"MLflow at {address} cannot be used: {said(error)}; {_LATER} what it was not told"
+        flushed.waiting = f"MLflow at {masked(address)} cannot be used: {said(error)}; {_LATER} what it was not told"
     return flushed
 
 
@@ -98,7 +98,8 @@ def _tell(store: Store, entry: Entry) -> Logged:
     run = flushed.runs.get(entry.version)
     if run is None:
         return Logged(waiting=flushed.waiting)
-    page = f"{mlflow_address(store).rstrip('/')}/#/experiments/{run.info.experiment_id}/runs/{run.info.run_id}?{_PAGES}"
+    address = masked(mlflow_address(store)).rstrip("/")
+    page = f"{address}/#/experiments/{run.info.experiment_id}/runs/{run.info.run_id}?{_PAGES}"
     return Logged(run.info.run_id, page if page.startswith("http") else "", flushed.waiting)
 
 
@@ -143,5 +144,5 @@ def _whole_run(client: MlflowClient, experiment: str, version: str) -> Run | Non
 
 
 def said(error: Exception) -> str:
-    """Return the first line of what went wrong; MLflow's errors go on for pages."""
-    return (str(error) or type(error).__name__).splitlines()[0]
+    """Return the first line of what went wrong, without passwords; MLflow's errors go on for pages."""
+    return masked((str(error) or type(error).__name__).splitlines()[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,14 +33,19 @@ def version_paths(store: Store, version: Path, records: Mapping[str, Record]) ->
     return {
         "metrics": str(version / layout.METRICS),
         "report": str(version / layout.REPORT),
-        "mlflow": mlflow_address(store),
+        "mlflow": masked(mlflow_address(store)),
         "objects": {step: str(store.files_dir(record)) for step, record in records.items()},
     }
 
 
 def mlflow_address(store: Store) -> str:
-    """Return where MLflow keeps its runs: the user's server, or a database in the store."""
+    """Return where MLflow keeps its runs: the user's server, or a database in the store. It may hold a password."""
     return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{store.root / layout.MLFLOW_DATABASE}"
+
+
+def masked(text: str) -> str:
+    """Return a text, as it may be kept and shown, without the user and the password of the addresses in it."""
+    return re.sub(r"(?<=://)[^/\s]*@", "***@", text)
 
 
 def scenes(store: Store) -> list[str]:

@@ -27,6 +27,13 @@ def test_what_mlflow_was_not_told_is_said(tmp_path: Path) -> None:
     assert f"note {why}" in printed(metrics | {"mlflow": {"run_id": "", "url": "", "waiting": why}})
 
 
+def test_a_server_is_told_as_an_address_and_a_database_as_a_command(tmp_path: Path) -> None:
+    metrics = version_metrics(version(tmp_path))
+    assert "mlflow ui --backend-store-uri sqlite:///" in printed(metrics)
+    told = printed(metrics | {"paths": metrics["paths"] | {"mlflow": "https://mlflow.here"}})
+    assert "MLflow  https://mlflow.here\n" in told and "backend-store-uri" not in told
+
+
 def test_what_auto_decided_is_told_with_its_reason(tmp_path: Path) -> None:
     metrics = version_metrics(version(tmp_path))
     row = {"step": "depth", "fold": 0, "by": "auto", "field": "depth.max_px", "value": 288, "measured": "views of 96 px",

@@ -13,8 +13,9 @@ import pytest
 from mlflow.entities import Run, ViewType
 from mlflow.tracking import MlflowClient
 
-from aug3d_core.errors import InputError
+from aug3d_core.errors import InputError, StoreError
 from aug3d_core.store import layout
+from aug3d_core.store.scenes import version_paths
 from aug3d_core.store.store import Store
 from tasks.outbox import Entry, put, waiting
 from tests.tasks.logged import version
@@ -148,6 +149,23 @@ def test_versions_that_a_server_did_not_take_are_logged_afterwards_in_order(
     assert [run.data.metrics["nvs.test_psnr_mean"] for run in runs(client)] == [21.5] * 3
     assert client.get_model_version_by_alias("aug3d-town", "published").run_id == runs(client)[0].info.run_id
     assert waiting(Store(tmp_path)) == []
+
+
+def test_no_password_of_the_servers_address_is_kept_or_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tasks.logged_runs import logged_run
+    from tasks.studies import Nested, log_nested
+    from tasks.tracking import said
+
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", closed_port().replace("://", "://me:s3cr@t@"))
+    folder, store = version(tmp_path), Store(tmp_path)
+    with pytest.raises(StoreError) as caught:
+        logged_run(store, "abc")
+    told = [log(folder).waiting, str(caught.value), log_nested(store, "town", Nested("study"), [], [])]
+    told += [
+        json.dumps(version_paths(store, folder, {})),
+        said(ValueError("API request to http://me:s3cr@t@there/x failed")),
+    ]
+    assert all("://***@" in text and "me:" not in text and "cr@t" not in text for text in told)
 
 
 def test_a_server_that_never_answers_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
