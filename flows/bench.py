@@ -130,22 +130,25 @@ def _bench(
         console = Console(stderr=True)
         scene = Measured(preset, tuple(overrides))
         scene.config()  # a wrong setting is told before anything is measured
-        unfinished = home / layout.BENCH / name
-        with console.status("") as status:
-            found = measure(Store(unfinished), scene, _saying(status), console)
-        told = {
-            "name": name,
-            "machine": describe_machine(),
-            "preset": preset,
-            "settings": overrides,
-            **found.about,
-            "figures": {key: vars(figure) for key, figure in found.figures.items()},
-        }
-        kept = timed_folder(home / layout.BENCH, f"{name}-")
-        write_synced(kept / layout.BENCH_FIGURES, json.dumps(told, indent=1).encode())
-        if (pictures := unfinished / layout.BENCH_PICTURES).exists():
-            pictures.rename(kept / layout.BENCH_PICTURES)
-        shutil.rmtree(unfinished)
+        with Store(home).lock(
+            layout.BENCH, name, timeout_s=0
+        ):  # two would share a folder that the first to end removes
+            unfinished = home / layout.BENCH / name
+            with console.status("") as status:
+                found = measure(Store(unfinished), scene, _saying(status), console)
+            told = {
+                "name": name,
+                "machine": describe_machine(),
+                "preset": preset,
+                "settings": overrides,
+                **found.about,
+                "figures": {key: vars(figure) for key, figure in found.figures.items()},
+            }
+            kept = timed_folder(home / layout.BENCH, f"{name}-")
+            write_synced(kept / layout.BENCH_FIGURES, json.dumps(told, indent=1).encode())
+            if (pictures := unfinished / layout.BENCH_PICTURES).exists():
+                pictures.rename(kept / layout.BENCH_PICTURES)
+            shutil.rmtree(unfinished)
         _print(told, found.figures, kept, as_json)
         raise typer.Exit(0 if all(figure.value is not None for figure in found.figures.values()) else 1)
 
