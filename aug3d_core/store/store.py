@@ -94,7 +94,7 @@ class Store:
 
     @contextmanager
     def turn(self, stage: str, progress: Progress) -> Iterator[None]:
-        """Wait until no other object of a stage is being made, and hold that right."""
+        """Wait until no other object of a stage is being made in this store, and hold that right."""
         lock = FileLock(self.root / layout.LOCKS / f"{stage}.turn.lock")
         with suppress(Timeout):
             lock.acquire(timeout=0)
