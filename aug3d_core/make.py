@@ -116,7 +116,7 @@ def _compute(
             "recipe": made_by,
             "config": job.config,
             "inputs": {name: source.digest for name, source in sources.items()},
-            "versions": engine_versions(stage),
+            "versions": engine_versions(stage, config),
             "seconds": round(cost.seconds, 3),
             "cpu_seconds": round(cost.cpu_seconds, 2),
             "peak_mib": round(cost.peak_mib, 1),

@@ -38,6 +38,11 @@ class Frozen(BaseModel):
 class StageConfig(Frozen):
     """Base of a stage's configuration. Each field has a unit, bounds and a sentence."""
 
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """The engines that these settings ask for besides the stage's own."""
+        return ()
+
 
 class Outcome(Frozen):
     """What a stage function reports.
@@ -65,7 +70,7 @@ class Stage:
     reads: of an input, the only files that it reads, where it does not read them all: the others may change, and what it made
         stays good.
     entry: "module:function" of the stage function; imported only in the stage's own process.
-    engines: distributions whose version is part of the cache key.
+    engines: distributions whose version is part of the cache key: those that compute what is in its files and figures.
     accuracy: the metric that says how well the stage did, shown in every table.
     resumable: keep a killed run's partial files and hand them to the next try.
     grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`

@@ -23,33 +23,55 @@ from aug3d_core.store import layout
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.testbed.config import MeshTruthConfig, TownConfig, TruthConfig
 
-TOWN = Stage("town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy", "scipy"), "photos", resumable=True)
-PHOTOS = Stage("photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("pillow",), "photos")
+TOWN = Stage(
+    "town", TownConfig, (), "aug3d_core.testbed.town_stage:run", ("bpy", "pillow", "scipy"), "photos", resumable=True
+)
+PHOTOS = Stage(
+    "photos", PhotosConfig, ("folder",), "aug3d_core.photos.stage:run", ("opencv-python-headless", "pillow"), "photos"
+)
 MATCHING = Stage(
     "matching",
     MatchingConfig,
     ("photos",),
     "aug3d_core.sfm.matching_stage:run",
-    ("pycolmap",),
+    ("pillow", "pycolmap", "scipy"),
     "pairs_matched_share",
     grows=True,
 )
 SFM = Stage(
-    "sfm", SfmConfig, ("photos", "matching"), "aug3d_core.sfm.stage:run", ("pycolmap",), "reprojection_px", grows=True
+    "sfm",
+    SfmConfig,
+    ("photos", "matching"),
+    "aug3d_core.sfm.stage:run",
+    ("pillow", "pycolmap", "scipy"),
+    "reprojection_px",
+    grows=True,
 )
 POSES = Stage(
-    "poses", PosesConfig, ("photos", "given"), "aug3d_core.formats.stage:run", ("pycolmap", "torch"), "matched_share"
+    "poses",
+    PosesConfig,
+    ("photos", "given"),
+    "aug3d_core.formats.stage:run",
+    ("pillow", "pycolmap", "torch"),
+    "matched_share",
 )
 # What sfm makes, from poses that were given. Without points beside them, matches and the poses give the points.
 _IMPORT = "aug3d_core.sfm.import_stage:run"
-SFM_OF_MODEL = Stage("sfm", SfmConfig, ("photos", "poses"), _IMPORT, ("pycolmap",), "reprojection_px")
-SFM_OF_POSES = Stage("sfm", SfmConfig, ("photos", "poses", "matching"), _IMPORT, ("pycolmap",), "reprojection_px")
+SFM_OF_MODEL = Stage("sfm", SfmConfig, ("photos", "poses"), _IMPORT, ("pillow", "pycolmap", "scipy"), "reprojection_px")
+SFM_OF_POSES = Stage(
+    "sfm", SfmConfig, ("photos", "poses", "matching"), _IMPORT, ("pillow", "pycolmap", "scipy"), "reprojection_px"
+)
 TRUTH = Stage("truth", TruthConfig, ("town", "sfm"), "aug3d_core.testbed.truth_stage:run", (), "position_error_pct")
 SIMILARITY = Stage(
     "similarity", SimilarityConfig, ("sfm",), "aug3d_core.grouping.similarity_stage:run", ("scipy",), "connected_share"
 )
 GROUPING = Stage(
-    "grouping", GroupingConfig, ("sfm", "similarity"), "aug3d_core.grouping.stage:run", (), "shared_points_median"
+    "grouping",
+    GroupingConfig,
+    ("sfm", "similarity"),
+    "aug3d_core.grouping.stage:run",
+    ("scipy",),
+    "shared_points_median",
 )
 _SPLIT_ALONE = {"grouping": (layout.SPLIT_TABLE,)}  # other groups of the same split are nothing to them
 DEPTH = Stage(
@@ -57,7 +79,7 @@ DEPTH = Stage(
     DepthConfig,
     ("sfm", "grouping"),
     "aug3d_core.depth.stage:run",
-    ("opencv-python-headless", "pycolmap"),
+    ("opencv-python-headless", "pillow", "pycolmap"),
     "consistent_share",
     reads=_SPLIT_ALONE,
 )
@@ -66,7 +88,7 @@ SURFACE = Stage(
     SurfaceConfig,
     ("sfm", "grouping", "depth"),
     "aug3d_core.surface.stage:run",
-    ("open3d",),
+    ("open3d", "pillow", "scipy"),
     "render_psnr",
     reads=_SPLIT_ALONE,
 )
@@ -75,7 +97,7 @@ OVERLAP = Stage(
     OverlapConfig,
     ("sfm", "similarity", "grouping", "surface"),
     "aug3d_core.grouping.overlap_stage:run",
-    ("open3d",),
+    ("open3d", "pillow", "scipy"),
     "bad_members_share",
 )
 OVERLAP_IN_TOWN = Stage(
@@ -83,7 +105,7 @@ OVERLAP_IN_TOWN = Stage(
     OverlapConfig,
     ("town", "sfm", "similarity", "grouping"),
     "aug3d_core.testbed.overlap_stage:run",
-    ("open3d",),
+    ("open3d", "pillow", "scipy"),
     "bad_members_share",
 )
 MESH_TRUTH = Stage(
@@ -91,7 +113,7 @@ MESH_TRUTH = Stage(
     MeshTruthConfig,
     ("town", "sfm", "grouping", "surface"),
     "aug3d_core.testbed.mesh_truth_stage:run",
-    ("open3d",),
+    ("open3d", "pillow"),
     "fscore_half_pct",
     reads=_SPLIT_ALONE,
 )
@@ -100,7 +122,7 @@ SAMPLING = Stage(
     SamplingConfig,
     ("sfm", "grouping", "surface"),
     "aug3d_core.sampling.stage:run",
-    ("open3d",),
+    ("open3d", "scikit-image", "scipy"),
     "reach_share",
 )
 RENDERING = Stage(
@@ -108,7 +130,7 @@ RENDERING = Stage(
     RenderingConfig,
     ("surface", "sampling"),
     "aug3d_core.rendering.stage:run",
-    ("bpy",),
+    ("bpy", "pillow"),
     "kept_share",
     resumable=True,
     alone=True,
@@ -118,12 +140,17 @@ DATASET = Stage(
     DatasetConfig,
     ("sfm", "grouping", "surface", "sampling", "rendering"),
     "aug3d_core.dataset.stage:run",
-    ("zarr",),
+    ("pillow", "scipy", "zarr"),
     "views",
 )
 # What a study trains on to tell what renders add
 DATASET_OF_PHOTOS = Stage(
-    "dataset", DatasetConfig, ("sfm", "grouping", "surface"), "aug3d_core.dataset.stage:run", ("zarr",), "views"
+    "dataset",
+    DatasetConfig,
+    ("sfm", "grouping", "surface"),
+    "aug3d_core.dataset.stage:run",
+    ("pillow", "scipy", "zarr"),
+    "views",
 )
 TRAINING = Stage(
     "training",
@@ -140,7 +167,7 @@ EVALUATION = Stage(
     EvaluationConfig,
     ("dataset", "training"),
     "aug3d_core.nerf.evaluation_stage:run",
-    ("torch",),
+    ("pillow", "scikit-image", "torch"),
     "test_psnr_mean",
 )
 # Made on demand, by `aug3d predict`: no run has it.
@@ -149,7 +176,7 @@ PREDICTION = Stage(
     PredictionConfig,
     ("dataset", "training"),
     "aug3d_core.nerf.prediction_stage:run",
-    ("torch",),
+    ("pillow", "scikit-image", "torch"),
     "ground_seen_share",
 )
 # Of the study of stability alone: each is made with the entry of the damage, or of the figure, in place of its own.

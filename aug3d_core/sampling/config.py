@@ -105,6 +105,11 @@ class SamplingConfig(StageConfig):
     )
     seed: int = Field(default=0, ge=0, description="Seed of the random placement.")
 
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """What segments photographs, where that is asked for."""
+        return ("torch", "transformers") if self.method == "sam" else ()
+
 
 PRESETS: dict[str, SamplingConfig] = {
     "tiny": SamplingConfig(),

@@ -34,7 +34,7 @@ def recipe(stage: Stage, config: StageConfig) -> str:
             "stage": stage.name,
             "code": code_digest(stage.entry.partition(":")[0]),
             "config": config.model_dump(mode="json"),
-            "engines": engine_versions(stage),
+            "engines": engine_versions(stage, config),
         }
     )
 
@@ -43,12 +43,20 @@ def _hashed(parts: dict[str, object]) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def engine_versions(stage: Stage) -> dict[str, str]:
-    """Return the installed version of each engine that the stage runs on; numpy is one of every stage's.
+def engine_versions(stage: Stage, config: StageConfig) -> dict[str, str]:
+    """Return the installed version of each engine that the stage runs on, "none" if it is not there.
 
-    A build for GPUs may come as a distribution of its own; it counts as another engine, since it may do other work.
+    numpy is one of every stage's. A build for GPUs may come as a distribution of its own; it counts as another engine, since
+    it may do other work.
     """
-    return {build: version(build) for build in map(_installed_build, ("numpy", *stage.engines))}
+    return {build: _version(build) for build in map(_installed_build, ("numpy", *stage.engines, *config.engines))}
+
+
+def _version(build: str) -> str:
+    try:
+        return version(build)
+    except PackageNotFoundError:
+        return "none"  # the stage says what is to be installed
 
 
 def _installed_build(engine: str) -> str:

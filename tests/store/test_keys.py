@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -9,6 +11,8 @@ import pytest
 from tests_support import FakeConfig, fake_stage
 
 from aug3d_core import stages
+from aug3d_core.sampling.config import SamplingConfig
+from aug3d_core.stage import Stage
 from aug3d_core.store import keys
 
 
@@ -33,9 +37,11 @@ def test_key_changes_with_config_inputs_and_engine(stage, monkeypatch: pytest.Mo
 
 
 def test_a_build_for_gpus_is_another_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sfm = stages.STAGES["sfm"]
+    sfm, config = stages.STAGES["sfm"], stages.STAGES["sfm"].config()
     monkeypatch.setattr(keys, "version", lambda engine: "1")
-    assert "pycolmap-cuda12" in keys.engine_versions(sfm) and "pycolmap" not in keys.engine_versions(sfm)
+    assert "pycolmap-cuda12" in keys.engine_versions(sfm, config) and "pycolmap" not in keys.engine_versions(
+        sfm, config
+    )
 
     def without_gpu_build(engine: str) -> str:
         if engine == "pycolmap-cuda12":
@@ -43,7 +49,9 @@ def test_a_build_for_gpus_is_another_engine(tmp_path: Path, monkeypatch: pytest.
         return "1"
 
     monkeypatch.setattr(keys, "version", without_gpu_build)
-    assert "pycolmap" in keys.engine_versions(sfm) and "pycolmap-cuda12" not in keys.engine_versions(sfm)
+    assert "pycolmap" in keys.engine_versions(sfm, config) and "pycolmap-cuda12" not in keys.engine_versions(
+        sfm, config
+    )
 
 
 def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> None:
@@ -61,6 +69,49 @@ def test_code_of_a_stage_reaches_what_it_imports_and_no_further() -> None:
     assert not any(
         name.startswith(("aug3d_core.nerf", "aug3d_core.stages", "aug3d_core.scene_config")) for name in closure
     )
+
+
+# Distribution of a package; "" where another release of it changes neither files nor figures
+DISTRIBUTIONS = {
+    "PIL": "pillow", "cv2": "opencv-python-headless", "skimage": "scikit-image",
+    "numpy": "",  # an engine of every stage as it is
+    "jaxtyping": "", "pydantic": "",  # say what is given, and compute nothing
+    "pandas": "", "pyarrow": "", "safetensors": "", "zarr": "",  # containers: what was written is read
+    "matplotlib": "",  # draws for people alone
+    "psutil": "",  # watches processes
+    "mathutils": "",  # comes with bpy
+}  # fmt: skip
+
+
+def third_parties(stage: Stage) -> set[str]:
+    """Return what is imported from elsewhere by all code of a stage."""
+    found: set[str] = set()
+    for module in keys._import_closure(stage.entry.partition(":")[0]):
+        for node in ast.walk(ast.parse(keys._source_path(module).read_bytes())):
+            if isinstance(node, ast.Import):
+                found.update(alias.name.partition(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                found.add((node.module or "").partition(".")[0])
+    return found - sys.stdlib_module_names - {"aug3d_core"}
+
+
+@pytest.mark.parametrize("stage", [value for value in vars(stages).values() if isinstance(value, Stage)])
+def test_all_that_a_stage_computes_with_is_among_its_engines(stage: Stage) -> None:
+    named = {DISTRIBUTIONS.get(package, package) for package in third_parties(stage)} - {""}
+    asked = SamplingConfig(method="sam").engines if stage is stages.SAMPLING else ()
+    assert named <= {*stage.engines, *asked}
+
+
+def test_what_segments_photographs_counts_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(engine: str) -> str:
+        if engine == "transformers":
+            raise PackageNotFoundError(engine)
+        return "1"
+
+    monkeypatch.setattr(keys, "version", version)
+    asked = keys.engine_versions(stages.SAMPLING, SamplingConfig(method="sam"))
+    assert (asked["torch"], asked["transformers"]) == ("1", "none"), "the stage says what to install"
+    assert not {"torch", "transformers"} & keys.engine_versions(stages.SAMPLING, SamplingConfig()).keys()
 
 
 def test_a_worker_process_is_code_of_its_stage() -> None:
