@@ -95,6 +95,10 @@ def make(store: Store, stage: Stage, config: StageConfig, sources: Mapping[str, 
 def _compute(
     store: Store, stage: Stage, key: str, config: StageConfig, sources: Mapping[str, Source], progress: Progress
 ) -> Record:
+    if key_of(stage, config, sources) != key:  # the wait for the lock and the turn may have been long
+        raise StageFailed(
+            stage.name, "error", "the code of aug3d or an engine was changed after this run began", "run again", "", ""
+        )
     work = store.work_dir(stage.name, key)
     try:
         if work.exists() and not stage.resumable:

@@ -16,7 +16,7 @@ import pytest
 from tests_support import FakeConfig, fake_stage
 
 from aug3d_core.errors import StageFailed
-from aug3d_core.make import make
+from aug3d_core.make import key_of, make
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -64,6 +64,27 @@ def test_two_at_once_make_it_once(tmp_path: Path) -> None:
     log = tmp_path / "home" / layout.OBJECTS / "fake" / records[0].key / layout.LOG
     assert records[0] == records[1]
     assert log.read_text().count("the log says slow") == 1
+
+
+def test_what_new_code_makes_does_not_get_the_key_of_the_old(tmp_path: Path) -> None:
+    store, stage, caught = Store(tmp_path / "home"), fake_stage(tmp_path), []
+    key = key_of(stage, FakeConfig(), {})
+
+    def wait() -> None:
+        with pytest.raises(StageFailed) as failure:
+            make(store, stage, FakeConfig(), {}, lambda *_: None)
+        caught.append(failure.value)
+
+    waiting = threading.Thread(target=wait)
+    with store.lock(stage.name, key):
+        waiting.start()
+        time.sleep(0.5)  # it has the key, and waits for the lock
+        source = tmp_path / "tests_fake" / "stage.py"
+        source.write_text(source.read_text() + "\nX = 1\n")
+    waiting.join()
+    assert "was changed after this run began" in caught[0].problem and caught[0].remedy == "run again"
+    assert store.find(stage.name, key) is None
+    assert make(store, stage, FakeConfig(), {}, lambda *_: None).key != key
 
 
 def test_an_error_for_people_comes_through_with_log_and_replay(tmp_path: Path) -> None:

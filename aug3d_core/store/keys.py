@@ -11,7 +11,7 @@ import ast
 import hashlib
 import importlib.util
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -19,6 +19,7 @@ from pathlib import Path
 
 from aug3d_core.stage import Stage, StageConfig
 
+_digests: dict[str, tuple[dict[Path, int], str]] = {}  # module -> its files' times, digest of them
 _GPU_BUILDS = {"pycolmap": ("pycolmap-cuda12",)}
 
 
@@ -68,11 +69,24 @@ def _installed_build(engine: str) -> str:
     return engine
 
 
-@lru_cache
 def code_digest(module: str) -> str:
-    """Hash a module and every `aug3d_core` module it imports, at any depth. Comments, docstrings and layout do not count."""
-    sources = {name: _syntax(_source_path(name)) for name in sorted(_import_closure(module))}
-    return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()
+    """Hash a module and every `aug3d_core` module it imports, at any depth. Comments, docstrings and layout do not count.
+
+    It is of the code as it is now: a file that changed since the last time is read again.
+    """
+    times, digest = _digests.get(module, ({}, ""))
+    if _source_path(module) not in times or times != _changed_at(times):
+        files = {name: _source_path(name) for name in sorted(_import_closure(module))}
+        times = _changed_at(files.values())
+        sources = {name: _syntax(file) for name, file in files.items()}
+        digest = hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()
+        _digests[module] = times, digest
+    return digest
+
+
+def _changed_at(files: Iterable[Path]) -> dict[Path, int]:
+    """Return when each of the files that are there was last written, ns."""
+    return {file: file.stat().st_mtime_ns for file in files if file.is_file()}
 
 
 def _import_closure(module: str) -> set[str]:

@@ -19,12 +19,10 @@ from aug3d_core.store import keys
 @pytest.fixture
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.syspath_prepend(tmp_path)
-    keys.code_digest.cache_clear()
     return fake_stage(tmp_path)
 
 
 def key(stage, do: str = "succeed", **inputs: str) -> str:
-    keys.code_digest.cache_clear()
     return keys.object_key(stage, FakeConfig(do=do), inputs)
 
 
