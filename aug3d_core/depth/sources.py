@@ -50,14 +50,21 @@ def choose_sources(
 ) -> dict[int, list[int]]:
     """Return the sources of each given view, best first: for a train view only train views, for others any given one.
 
-    A view that overlaps with none has an empty list.
+    A view that overlaps with none has an empty list, and is no source: it will have no depth map.
     """
     chosen = {}
     for view in np.flatnonzero(given).tolist():
         score = scores(views, points, tracks, view, train if train[view] else given)
         order = np.lexsort((np.arange(len(score)), -score))[:most]
         chosen[view] = order[score[order] > 0].tolist()
-    return chosen
+    return _among_themselves(chosen)
+
+
+def _among_themselves(chosen: dict[int, list[int]]) -> dict[int, list[int]]:
+    """Leave views without a source out of the lists of others, until every view in a list has one of its own."""
+    usable = {view for view, sources in chosen.items() if sources}
+    left = {view: [source for source in sources if source in usable] for view, sources in chosen.items()}
+    return left if left == chosen else _among_themselves(left)
 
 
 def _angles_deg(

@@ -58,3 +58,15 @@ def test_a_view_that_shares_too_little_has_no_source() -> None:
     )
     assert chosen[4] == []
     assert all(4 not in sources for sources in chosen.values())
+
+
+def test_a_view_without_a_source_is_the_source_of_none() -> None:
+    """The first is for training and overlaps with the second alone, which is not; the second has no other source."""
+    views, points, tracks = row_of_views([0.0, at(5), at(10), at(15), at(20)])
+    kept = np.where(tracks.point < 10, tracks.view < 2, tracks.view > 1)
+    train = np.array([1, 0, 1, 1, 0], bool)
+    chosen = choose_sources(
+        views, points, Tracks(tracks.point[kept], tracks.view[kept], tracks.xy[kept]), given=ALL, train=train, most=4
+    )
+    assert chosen[0] == chosen[1] == []
+    assert {view: set(sources) for view, sources in chosen.items() if sources} == {2: {3}, 3: {2}, 4: {2, 3}}

@@ -215,6 +215,49 @@ def test_a_photo_that_overlaps_with_none_has_no_depth_and_is_told(inputs: Inputs
     assert outcome.metrics["photos"] == 10
 
 
+def beside_the_others(inputs: Inputs, sfm: Path) -> Inputs:
+    """Return the inputs with train view 3 overlapping only with views that are not for training."""
+    return shared_by(inputs, sfm, lambda tracks: (tracks.view >= 8) | ((tracks.view == 3) == (tracks.point % 2 == 0)))
+
+
+def test_a_train_photo_that_overlaps_with_no_other_has_no_depth_and_confirms_none(
+    inputs: Inputs, tmp_path: Path
+) -> None:
+    aside = beside_the_others(inputs, tmp_path / "sfm")
+    outcome = find_depth(aside, tmp_path / "out", max_px=96)
+    assert "1 photos share too few points with any other and have no depth: 3" in outcome.notes
+    assert outcome.metrics["photos"] == 10
+
+
+def test_patch_match_gets_what_the_workspace_holds_and_its_maps_are_fused(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The lists are COLMAP's, and it dies of a name that its model lacks; the maps are the sweep's."""
+    aside = beside_the_others(inputs, tmp_path / "sfm")
+
+    def stand_in(workspace: Path) -> None:
+        held = {image.name for image in pycolmap.Reconstruction(workspace / "sparse").images.values()}
+        lines = (workspace / "stereo/patch-match.cfg").read_text().splitlines()
+        sources = {name: set(listed.split(", ")) for name, listed in zip(lines[::2], lines[1::2], strict=True)}
+        assert sources.keys() == held == {layout.image_name(index) for index in range(11) if index != 3}
+        assert set().union(*sources.values()) <= held
+        train = {layout.image_name(index) for index in range(8)}
+        assert all(sources[name] <= train for name in train & held)
+        for folder in (layout.WORKSPACE_DEPTH_MAPS, layout.WORKSPACE_NORMAL_MAPS):
+            for index in set(range(11)) - {3}:
+                name = layout.geometric_map_name(index)
+                shutil.copy(found[0] / layout.DENSE_WORKSPACE / folder / name, workspace / folder)
+
+    monkeypatch.setattr(pycolmap, "has_cuda", True)
+    monkeypatch.setattr(depth_stage, "patch_match", stand_in)
+    outcome = find_depth(aside, tmp_path / "out", sources=10)
+    assert (outcome.metrics["engine"], outcome.metrics["photos"]) == ("patch_match", 10)
+    off = np.abs(Fused.load(tmp_path / "out" / layout.FUSED).xyz[:, 2, None] - [z for z, _, _ in SCENE.planes]).min(
+        axis=1
+    )
+    assert np.median(off) < 0.1
+
+
 def test_photos_without_any_overlap_are_refused(inputs: Inputs, tmp_path: Path) -> None:
     nothing = shared_by(inputs, tmp_path / "sfm", lambda tracks: tracks.view == 0)
     with pytest.raises(InputError, match="no photograph shares enough points with another"):
