@@ -41,6 +41,8 @@ def decode(source: Path, name: str, copy: Path, config: PhotosConfig) -> Decoded
 
     Raises RejectedError where the file is not a photograph that can be used.
     """
+    if shown(name) != name:
+        raise RejectedError("name: not UTF-8; rename the file")
     try:
         sha256 = file_digest(source)
         with Image.open(source, formats=FORMATS) as image:
@@ -62,6 +64,11 @@ def decode(source: Path, name: str, copy: Path, config: PhotosConfig) -> Decoded
     pixels.save(copy, format="PNG", compress_level=1)
     sharpness = measure_sharpness(np.asarray(pixels))
     return Decoded(name, copy, exif, original_size, pixels.size, sharpness, sha256, pixels_sha256)
+
+
+def shown(name: str) -> str:
+    """Return a file name as text: bytes that are not UTF-8, which Python keeps as surrogates, are written out."""
+    return name.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 
 def measure_sharpness(rgb: UInt8[np.ndarray, "h w 3"]) -> float:

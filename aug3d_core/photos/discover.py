@@ -61,7 +61,8 @@ def folder_digest(folder: Path) -> str:
     """Return the SHA-256 over the names and bytes of the photographs in a folder; other files do not count."""
     digest = hashlib.sha256()
     for name in sorted(find_photos(folder).names):
-        digest.update(f"{len(name.encode())}:{name}:{_content(folder / name)}\n".encode())
+        on_disk = name.encode(errors="surrogateescape")  # need not be UTF-8
+        digest.update(b"%d:%b:%b\n" % (len(on_disk), on_disk, _content(folder / name).encode()))
     return digest.hexdigest()
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from aug3d_core.errors import InputError
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
-from aug3d_core.photos.decode import Decoded, RejectedError, decode
+from aug3d_core.photos.decode import Decoded, RejectedError, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
@@ -90,7 +90,7 @@ def _decode_all(
         warnings.simplefilter("ignore")
         for done, result in enumerate(pool.map(one, enumerate(found.names)), start=1):
             name = found.names[done - 1]
-            usable.append(result) if isinstance(result, Decoded) else rejected.append((name, result))
+            usable.append(result) if isinstance(result, Decoded) else rejected.append((shown(name), result))
             progress(done, len(found.names), "photographs read")
     return usable, rejected
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import random
 from pathlib import Path
@@ -110,3 +111,13 @@ def test_the_digest_of_a_broken_link_is_not_an_error(tmp_path: Path) -> None:
     touch(tmp_path, "a.jpg")
     (tmp_path / "b.jpg").symlink_to(tmp_path / "gone.jpg")
     assert len(folder_digest(tmp_path)) == 64
+
+
+def test_the_digest_is_over_names_as_they_are_on_the_disk(tmp_path: Path) -> None:
+    """So a name that is not UTF-8 has one, and that of others is what it is for their UTF-8 bytes."""
+    lines = []
+    for name in (b"m\xe9vres.jpg", "müggelsee.jpg".encode()):
+        Path(os.fsdecode(bytes(tmp_path) + b"/" + name)).write_bytes(name)
+        lines.append(b"%d:%b:%b\n" % (len(name), name, hashlib.sha256(name).hexdigest().encode()))
+    digest = folder_digest(tmp_path)
+    assert digest in {hashlib.sha256(b"".join(order)).hexdigest() for order in (lines, lines[::-1])}

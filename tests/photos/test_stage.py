@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from filecmp import cmp
 from pathlib import Path
@@ -102,6 +103,15 @@ def test_bad_photographs_are_listed_and_left_out(tmp_path: Path) -> None:
     assert (outcome.metrics["photos"], outcome.metrics["rejected"], outcome.metrics["ignored_files"]) == (4, 4, 1)
     assert outcome.state == "ok"
     assert sorted(path.name for path in (tmp_path / "out" / "images").iterdir()) == [f"{i:06d}.png" for i in range(4)]
+
+
+def test_a_name_that_is_not_utf_8_is_left_out_and_shown(tmp_path: Path) -> None:
+    for i in range(3):
+        write_photo(tmp_path / "in" / f"m\u00fcggelsee {i}.png", i)
+    write_photo(tmp_path / "in" / os.fsdecode(b"m\xe9vres.png"), 3)
+    outcome = take_in(tmp_path / "in", tmp_path / "out")
+    assert (outcome.metrics["photos"], outcome.metrics["rejected"]) == (3, 1)
+    assert rejected(tmp_path / "out") == {"m\\xe9vres.png": "name: not UTF-8; rename the file"}
 
 
 def test_more_bad_than_good_is_degraded(tmp_path: Path) -> None:
