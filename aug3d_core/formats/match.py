@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import PurePosixPath
@@ -49,16 +50,17 @@ def _indices(names: Iterable[str]) -> tuple[dict[str, list], dict[str, list]]:
     by_name, by_stem = defaultdict(list), defaultdict(list)
     for index, name in enumerate(names):
         path = PurePosixPath(name)
-        by_name[path.name.lower()].append((index, path))
-        by_stem[path.stem.lower()].append((index, path))
+        by_name[_folded(path.name)].append((index, path))
+        by_stem[_folded(path.stem)].append((index, path))
     return by_name, by_stem
 
 
 def _find(name: str, by_name: dict[str, list], by_stem: dict[str, list], where: str) -> tuple[int, int] | None:
     """Return the photograph's row and how many folders it has in common with the name."""
     path = PurePosixPath(name.replace("\\", "/"))
+    full, stem = _folded(path.name), _folded(path.stem)
     # A name without an ending, as Mega-NeRF's copies have, is a stem already.
-    candidates = by_name.get(path.name.lower()) or by_stem.get(path.stem.lower()) or by_stem.get(path.name.lower())
+    candidates = by_name.get(full) or by_stem.get(stem) or by_stem.get(full)
     if not candidates:
         return None
     common = [_common_folders(path, candidate) for _, candidate in candidates]
@@ -74,10 +76,15 @@ def _find(name: str, by_name: dict[str, list], by_stem: dict[str, list], where: 
 def _common_folders(a: PurePosixPath, b: PurePosixPath) -> int:
     count = 0
     for one, other in zip(a.parts[-2::-1], b.parts[-2::-1], strict=False):
-        if one.lower() != other.lower():
+        if _folded(one) != _folded(other):
             break
         count += 1
     return count
+
+
+def _folded(name: str) -> str:
+    """Return a name without case, and with marks as part of their letters: some systems store them apart (NFD)."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def _given(photo: dict[Any, Any], entry: Entry, camera: Camera) -> Given:

@@ -40,6 +40,14 @@ def test_file_names_agree_whatever_the_folders_and_their_case() -> None:
     assert found(["images/A.jpg", "./b.jpg", "d:\\photos\\c.jpg"], photos) == {0: 0, 1: 1, 2: 2}
 
 
+def test_letters_with_marks_agree_however_they_are_composed() -> None:
+    """Files copied from a Mac have the letter and the mark apart (NFD); most others have one character (NFC)."""
+    composed, apart = "M\u00fcggelsee/\u00c9.jpg", "mu\u0308ggelsee/e\u0301.JPG"
+    for there, here in ((composed, apart), (apart, composed)):
+        photos = table("b.jpg", here, "lake/" + here.rpartition("/")[2], "c.jpg")
+        assert found(["b.jpg", there, "c.jpg"], photos) == {0: 0, 1: 1, 2: 3}
+
+
 def test_a_name_with_another_ending_or_none() -> None:
     assert found(["x.png", "train/rgbs/y", "z.jpg"], table("x.jpg", "y.jpg", "z.jpg")) == {0: 0, 1: 1, 2: 2}
 
