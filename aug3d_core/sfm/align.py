@@ -20,6 +20,7 @@ NOMINAL_HEIGHT = 50.0
 _GROUND_THICKNESS = 0.02  # of the median distance from cameras to points
 _MOST_TILT_DEG = 1.5  # uncertainty of the vertical at which GPS altitudes are worth less than the ground's own level
 _ALTITUDE_NOISE_M = 0.3  # the least to believe of any GPS
+_FEWEST_ALTITUDES = 3  # that fix a similarity; how well is in their noise
 _MOST_DISAGREEMENT = 0.25  # median GPS residual over the spread of the positions
 _LEAST_MIRRORED = 0.02  # the same ratio at which latitude and longitude may be swapped
 _MIRRORED_BETTER = 2.0  # times that the swapped positions fit better
@@ -31,8 +32,8 @@ class Alignment:
     """How the world was found.
 
     world_from_model: the similarity to apply. up_from: gps, or gravity (cameras and ground). residual_m: horizontal
-    distance of each camera to its GPS position, NaN without. up_offset_m: GPS height of z = 0 about the GPS origin.
-    problem: why GPS that exists was not used.
+    distance of each camera to its GPS position, NaN without. up_offset_m: GPS height of z = 0 about the GPS origin, NaN
+    without altitudes. problem: why GPS that exists was not used.
     """
 
     world_from_model: Similarity
@@ -51,7 +52,7 @@ def align(
     rng: np.random.Generator,
     swapped_enu_m: Float[np.ndarray, "n 3"] | None = None,
 ) -> Alignment:
-    """Find the world; rows of `gps_enu_m` are NaN without GPS.
+    """Find the world; rows of `gps_enu_m` are NaN without GPS, and up is NaN where GPS has no altitude.
 
     swapped_enu_m: the positions with latitude and longitude exchanged, tried only to explain positions that do not fit.
     """
@@ -97,17 +98,21 @@ def _fit_gps(
 ) -> tuple[Similarity, str]:
     """Fit all three axes where that fixes the vertical well, else the horizontal ones, the vertical left to gravity."""
     centres_in_model = centres(cam_from_model)
-    fit, used = fit_similarity_robustly(centres_in_model, gps_enu_m, rng)
-    up_noise_m = 1.4826 * np.median(np.abs((fit.apply(centres_in_model) - gps_enu_m)[used, 2]))
-    across_m = np.linalg.svd(gps_enu_m[used, :2] - gps_enu_m[used, :2].mean(axis=0), compute_uv=False)[-1]
-    tilt_deg = np.degrees(np.arctan2(max(up_noise_m, _ALTITUDE_NOISE_M), across_m))
-    if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0 and not _leans(cam_from_model, fit, level):
-        return fit, "gps"
-    flat, used = fit_similarity_robustly(level.apply(centres_in_model)[:, :2], gps_enu_m[:, :2], rng)
+    measured = np.isfinite(gps_enu_m[:, 2])
+    if measured.sum() >= _FEWEST_ALTITUDES:
+        there_m = gps_enu_m[measured]
+        fit, used = fit_similarity_robustly(centres_in_model[measured], there_m, rng)
+        up_noise_m = 1.4826 * np.median(np.abs((fit.apply(centres_in_model[measured]) - there_m)[used, 2]))
+        across_m = np.linalg.svd(there_m[used, :2] - there_m[used, :2].mean(axis=0), compute_uv=False)[-1]
+        tilt_deg = np.degrees(np.arctan2(max(up_noise_m, _ALTITUDE_NOISE_M), across_m))
+        if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0 and not _leans(cam_from_model, fit, level):
+            return fit, "gps"
+    flat, _ = fit_similarity_robustly(level.apply(centres_in_model)[:, :2], gps_enu_m[:, :2], rng)
     rotation = np.eye(3)
     rotation[:2, :2] = flat.rotation
-    up_m = np.median(gps_enu_m[:, 2] - flat.scale * level.apply(centres_in_model)[:, 2])
-    return Similarity(flat.scale, rotation, np.append(flat.translation, up_m)).after(level), "gravity"
+    up_m = gps_enu_m[:, 2] - flat.scale * level.apply(centres_in_model)[:, 2]
+    shift_m = np.append(flat.translation, np.median(up_m[measured]) if measured.any() else 0.0)
+    return Similarity(flat.scale, rotation, shift_m).after(level), "gravity"
 
 
 def _leans(cam_from_model: Float[np.ndarray, "n 3 4"], fit: Similarity, level: Similarity) -> bool:
@@ -132,8 +137,9 @@ def _metric(
 ) -> Alignment:
     ground_m = ground_height(fit.apply(points_in_model)[:, 2])
     world = _lower(fit, ground_m)
-    up_offset_m = float(np.nanmedian(gps_enu_m[:, 2] - world.apply(centres(cam_from_model))[:, 2]))
-    return Alignment(world, True, up_from, residual_m, up_offset_m)
+    measured = np.isfinite(gps_enu_m[:, 2])
+    off_m = (gps_enu_m - world.apply(centres(cam_from_model)))[measured, 2]
+    return Alignment(world, True, up_from, residual_m, float(np.median(off_m)) if measured.any() else np.nan)
 
 
 def _nominal(

@@ -157,17 +157,20 @@ def neighbour_pairs(positions_m: Float[np.ndarray, "n 2"], neighbours: int) -> I
 def gps_positions(photos: pd.DataFrame) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " 3"]]:
     """Return ENU metres about the photographs' median position, and that position (lat, lon, alt).
 
-    Rows are NaN without GPS; a missing altitude counts as the median one. The origin is NaN where nothing has GPS.
+    Rows are NaN without GPS, and up is NaN without an altitude. The origin is NaN where nothing has GPS, and its altitude is 0
+    where none has one.
     """
     geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].to_numpy(float, copy=True)
     located = np.isfinite(geodetic[:, 0])
     if not located.any():
         return np.full_like(geodetic, np.nan), np.full(3, np.nan)
-    altitude = geodetic[located, 2]
-    median_alt = np.median(altitude[np.isfinite(altitude)]) if np.isfinite(altitude).any() else 0.0
-    geodetic[located, 2] = np.where(np.isfinite(altitude), altitude, median_alt)
+    measured = np.isfinite(geodetic[:, 2])
+    median_alt = np.median(geodetic[located & measured, 2]) if (located & measured).any() else 0.0
+    geodetic[located & ~measured, 2] = median_alt  # east and north hardly depend on it
     origin = np.median(geodetic[located], axis=0)
-    return enu_from_geodetic(geodetic, origin), origin
+    enu = enu_from_geodetic(geodetic, origin)
+    enu[~measured, 2] = np.nan
+    return enu, origin
 
 
 def _chance_higher(scores: Int[np.ndarray, " m"], others: Int[np.ndarray, " k"]) -> float:

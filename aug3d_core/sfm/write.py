@@ -80,7 +80,7 @@ def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
     if not alignment.metric:
         return record | {"origin": None, "gps_residual_m_median": None}
     lat_deg, lon_deg, alt_m = gps_positions(photos)[1]
-    alt_m = float(alt_m + alignment.up_offset_m) if np.isfinite(photos["alt_m"].to_numpy()).any() else None
+    alt_m = float(alt_m + alignment.up_offset_m) if np.isfinite(alignment.up_offset_m) else None
     return record | {
         "origin": {"lat_deg": float(lat_deg), "lon_deg": float(lon_deg), "alt_m": alt_m},
         "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)),
@@ -92,8 +92,7 @@ def flight_doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFr
     poses = arrays.views.cam_from_world
     found = [doming_by_lean(poses)]
     if alignment.metric:
-        gps_enu_m = np.where(np.isfinite(photos[["alt_m"]]), gps_positions(photos)[0], np.nan)
-        found.append(measure_doming(centres(poses), gps_enu_m[arrays.views.photo_id]))
+        found.append(measure_doming(centres(poses), gps_positions(photos)[0][arrays.views.photo_id]))
     return min((one for one in found if one), key=lambda one: one.sigma_pct, default=None)
 
 

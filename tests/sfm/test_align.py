@@ -19,17 +19,24 @@ HEIGHT_M = 60.0
 class Flight:
     """A flight over flat ground with houses, in the world and in the arbitrary frame of a reconstruction."""
 
-    def __init__(self, seed: int = 0, strips: int = 5, slope: float = 0.0) -> None:
+    def __init__(self, seed: int = 0, strips: int = 5, slope: float = 0.0, climb: float = 0.0) -> None:
+        """A flight that climbs does so northward, and looks straight down to half a degree, its head to the north."""
         self.rng = np.random.default_rng(seed)
         east, north = np.meshgrid(np.arange(8) * 20.0 - 70, np.arange(strips) * 25.0 - 12.5 * (strips - 1))
         at = np.stack([east.ravel(), north.ravel(), np.full(east.size, HEIGHT_M)], axis=1)
         at += self.rng.normal(size=at.shape) * 2
+        at[:, 2] += climb * at[:, 1]
         aim = at * [1, 1, 0] + np.append(self.rng.uniform(-15, 15, size=(len(at), 2)), np.zeros((len(at), 1)), axis=1)
+        if climb:
+            aim = at * [1, 1, 0] + [0, 0.1, 0]
         ground = np.append(self.rng.uniform(-100, 100, (1500, 2)), self.rng.normal(size=(1500, 1)) * 0.1, axis=1)
         roofs = np.append(self.rng.uniform(-100, 100, (500, 2)), self.rng.uniform(4, 12, (500, 1)), axis=1)
         self.points = np.concatenate([ground, roofs])
         self.points[:, 2] += slope * self.points[:, 0]
         self.cam_from_world = np.stack([look_at(a, b) for a, b in zip(at, aim, strict=True)])
+        if climb:
+            sway = Rotation.from_rotvec(np.radians(0.5) * self.rng.normal(size=at.shape)).as_matrix()
+            self.cam_from_world = sway @ self.cam_from_world
         turn = Rotation.random(random_state=seed).as_matrix()
         self.model_from_world = Similarity(0.037, turn, self.rng.normal(size=3))
 
@@ -170,6 +177,24 @@ def test_gps_that_stands_still_is_reported_and_not_used() -> None:
     alignment = flight.align(np.tile([5.0, 5.0, 50.0], (len(flight.at), 1)))
     assert not alignment.metric
     assert alignment.problem
+
+
+@pytest.mark.parametrize(("unknown", "up_from"), [(1.0, "gravity"), (0.6, "gps")])
+def test_altitudes_that_are_unknown_are_not_level_flight(unknown: float, up_from: str) -> None:
+    """A climb that counts as level flight tilts the world: by 5.5 degrees where a tenth of the way is up."""
+    flight = Flight(13, climb=0.1)
+    gps = flight.at + flight.rng.normal(size=flight.at.shape) * [0.5, 0.5, 0.3]
+    gps[flight.rng.permutation(len(gps))[: round(unknown * len(gps))], 2] = np.nan
+    alignment = flight.align(gps)
+    assert alignment.metric and alignment.up_from == up_from
+    up = alignment.world_from_model.rotation @ flight.model_from_world.rotation[:, 2]
+    assert np.degrees(np.arccos(up[2])) < 0.5
+    found = flight.found(alignment)
+    assert np.linalg.norm((found - flight.at)[:, :2], axis=1).max() < 2
+    if unknown < 1:
+        assert np.median((found - flight.at)[:, 2]) == pytest.approx(-alignment.up_offset_m, abs=0.3)
+    else:
+        assert np.isnan(alignment.up_offset_m)
 
 
 def test_two_positions_are_too_few() -> None:

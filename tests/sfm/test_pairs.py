@@ -201,11 +201,19 @@ def test_gps_positions_are_metres_about_the_middle() -> None:
     assert origin[2] == pytest.approx(200, abs=0.01)
 
 
-def test_a_missing_altitude_counts_as_the_median_one() -> None:
+def test_a_missing_altitude_is_unknown_and_moves_the_position_little() -> None:
     photos = photos_at(grid(3))
     photos.loc[4, "alt_m"] = np.nan
     enu, _ = gps_positions(photos)
-    np.testing.assert_allclose(enu[:, 2], 0, atol=0.01)
+    assert np.flatnonzero(np.isnan(enu[:, 2])).tolist() == [4]
+    np.testing.assert_allclose(enu[:, :2], grid(3)[:, :2] - 20, atol=0.01)
+
+
+def test_without_any_altitude_there_are_still_positions() -> None:
+    photos = photos_at(grid(3)).assign(alt_m=np.nan)
+    enu, origin = gps_positions(photos)
+    assert np.isnan(enu[:, 2]).all() and origin[2] == 0
+    np.testing.assert_allclose(enu[:, :2], grid(3)[:, :2] - 20, atol=0.01)
 
 
 def test_no_gps_is_nan() -> None:
