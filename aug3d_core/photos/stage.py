@@ -34,10 +34,11 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     _require_enough(folder, found, config, usable, rejected)
     usable, redundant = _distinct(capture_order(usable), config)
     files = [photo.copy.rename(out / layout.PHOTO_IMAGES / layout.image_name(i)) for i, photo in enumerate(usable)]
-    photo_table(usable).to_parquet(out / layout.PHOTO_TABLE)
+    table = photo_table(usable)
+    table.to_parquet(out / layout.PHOTO_TABLE)
     rejected_table(rejected + redundant).to_parquet(out / layout.REJECTED_TABLE)
     contact_sheet(files, out / layout.CONTACT_SHEET)
-    return _outcome(usable, rejected, len(redundant), found)
+    return _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])))
 
 
 def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]:
@@ -113,7 +114,7 @@ def _require_enough(
         )
 
 
-def _outcome(usable: list[Decoded], rejected: Rejected, redundant: int, found: Found) -> Outcome:
+def _outcome(usable: list[Decoded], rejected: Rejected, redundant: int, found: Found, cameras: int) -> Outcome:
     notes = [f"{len(rejected)} photographs left out: {layout.REJECTED_TABLE} says why"] if rejected else []
     if redundant:
         notes.append(f"{redundant} photographs show what the one before them shows and are left out")
@@ -126,7 +127,7 @@ def _outcome(usable: list[Decoded], rejected: Rejected, redundant: int, found: F
         "ignored_files": found.ignored,
         "with_gps": sum(photo.exif.lat_deg == photo.exif.lat_deg for photo in usable),
         "with_focal": sum(photo.exif.focal_source != "none" for photo in usable),
-        "cameras": len({photo.exif.camera for photo in usable}),
+        "cameras": cameras,
         "megapixels_median": statistics.median(w * h / 1e6 for w, h in (photo.original_size for photo in usable)),
         "sharpness_median": statistics.median(photo.sharpness for photo in usable),
         "sharpness_min": min(photo.sharpness for photo in usable),

@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from aug3d_core.errors import UsageError
 from aug3d_core.photos.decode import Decoded
 from aug3d_core.store import layout
 
+_SAME_FOCAL = 0.02  # relatively: what a lens at rest may waver by
 REDUNDANT = "redundant"  # begins the reason of a photograph that could be used, and need not
 
 
 def photo_table(photos: Sequence[Decoded]) -> pd.DataFrame:
-    """Build the table; row i is photo i. `focal_px` is at the working copy's size, NaN if unknown."""
+    """Build the table; row i is photo i. `focal_px` is at the working copy's size, NaN if unknown.
+
+    Photographs of one `camera` share intrinsics.
+    """
     rows = [
         {
             "photo_id": photo_id,
@@ -39,7 +45,25 @@ def photo_table(photos: Sequence[Decoded]) -> pd.DataFrame:
         for photo_id, photo in enumerate(photos)
     ]
     table = pd.DataFrame(rows)
+    for rows in table.groupby("camera").indices.values():
+        table.loc[rows, "camera"] = _zoomed(table["camera"].iloc[rows[0]], table["focal_px"].to_numpy()[rows])
     return table.assign(time=pd.to_datetime(table["time"]).astype("datetime64[ms]"))
+
+
+def _zoomed(camera: str, focal_px: Float[np.ndarray, " n"]) -> list[str]:
+    """Name the cameras of photographs that name the same one: digital zoom leaves the lens's millimetres as they are.
+
+    One whose focal length is unknown may have any, and shares that of the others only where there is one.
+    """
+    steps: list[float] = []
+    for focal in np.unique(focal_px[np.isfinite(focal_px)]):
+        if not steps or focal > (1 + _SAME_FOCAL) * steps[-1]:
+            steps.append(focal)
+    if len(steps) < 2:
+        return [camera] * len(focal_px)
+    step = np.searchsorted(steps, focal_px, side="right") - 1
+    known = np.isfinite(focal_px)
+    return [f"{camera} {steps[i]:.0f}px" if zoom else camera for i, zoom in zip(step, known, strict=True)]
 
 
 def rejected_table(rejected: Sequence[tuple[str, str]]) -> pd.DataFrame:

@@ -147,6 +147,12 @@ def test_zoom_makes_another_camera(tmp_path: Path) -> None:
     assert far.camera != near.camera
 
 
+def test_two_drones_of_one_model_are_two_cameras(tmp_path: Path) -> None:
+    main = {TAG.Make: "DJI", TAG.Model: "FC300S"}
+    one, two = (exif_of(tmp_path, main=main, detail={TAG.BodySerialNumber: f"{number}\0\0"}) for number in (481, 482))
+    assert (one.camera, two.camera) == ("DJI FC300S 481 320x240", "DJI FC300S 482 320x240")
+
+
 def test_png_and_tiff_have_exif_too(tmp_path: Path) -> None:
     for suffix in (".png", ".tif"):
         exif = exif_of(tmp_path, suffix, main={TAG.Model: "scanner", TAG.Orientation: 3})

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from photos.photo_files import degrees, write_photo
 from PIL import ExifTags, Image
+from PIL.TiffImagePlugin import IFDRational
 
 from aug3d_core.errors import InputError
 from aug3d_core.photos.config import PhotosConfig
@@ -82,6 +83,34 @@ def test_the_table_matches_the_working_copies(tmp_path: Path) -> None:
     assert outcome.metrics["with_gps"] == 2
     assert outcome.metrics["with_focal"] == 3
     assert outcome.metrics["cameras"] == 1
+
+
+def cameras_of(folder: Path, out: Path, *focal_35mm: float | None) -> list[str]:
+    for i, equivalent_mm in enumerate(focal_35mm):
+        mm = (
+            {}
+            if equivalent_mm is None
+            else {
+                TAG.FocalPlaneXResolution: IFDRational(round(1000 * equivalent_mm), 100),
+                TAG.FocalPlaneResolutionUnit: 4,
+            }
+        )
+        write_photo(folder / f"{i}.jpg", i, detail={TAG.FocalLength: IFDRational(5)} | mm)
+    outcome = take_in(folder, out)
+    cameras = read_photos(out)["camera"].tolist()
+    assert outcome.metrics["cameras"] == len(set(cameras))
+    return cameras
+
+
+def test_digital_zoom_makes_another_camera(tmp_path: Path) -> None:
+    """The lens and its millimetres stay, and the focal length in pixels does not."""
+    cameras = cameras_of(tmp_path / "in", tmp_path / "out", 6, 12, 6, 12, None)
+    assert cameras[0] == cameras[2] != cameras[1] == cameras[3]
+    assert cameras[4] not in cameras[:4], "which of them took it is not known"
+
+
+def test_a_focal_length_that_wavers_is_that_of_one_camera(tmp_path: Path) -> None:
+    assert cameras_of(tmp_path / "in", tmp_path / "out", 6, 6.05, 6.1, None) == ["unknown 320x240 5mm"] * 4
 
 
 def test_bad_photographs_are_listed_and_left_out(tmp_path: Path) -> None:
