@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,7 @@ _NAMED = 5
 
 
 @dataclass(frozen=True)
-class _Check:
+class Check:
     """How points come about, and how well each photograph, by photo id, fits them: NaN if too little of it can be told."""
 
     build: Callable[[Sequence[Given]], pycolmap.Reconstruction]
@@ -52,7 +52,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     progress(0, len(given), "poses being checked against the photographs")
     with tempfile.TemporaryDirectory(dir=out) as scratch:
         check = _by_matches(inputs, config, Path(scratch)) if "matching" in inputs else _by_points(inputs)
-        model, fit, refused = _agreeing(given, check, photos)
+        model, fit, refused = agreeing(given, check, photos)
     progress(len(given), len(given), "poses checked; writing photographs undistorted")
     alignment, arrays = align_model(model, photos, np.random.default_rng(config.seed))
     write_outputs(model, arrays, [], alignment, photos, images, out)
@@ -78,7 +78,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     )
 
 
-def _by_points(inputs: Inputs) -> _Check:
+def _by_points(inputs: Inputs) -> Check:
     """Take the points that came with the poses; what photographs show there must be alike."""
     source = read_model(inputs["poses"] / layout.GIVEN_MODEL)
     images = inputs["photos"] / layout.PHOTO_IMAGES
@@ -92,10 +92,10 @@ def _by_points(inputs: Inputs) -> _Check:
         xy = np.array([one.xy for points in seen for one in points], float).reshape(-1, 2)
         return detail_agreement(files, view, point.ravel(), xy)
 
-    return _Check(lambda given: with_given_points(given, source), fit, _LEAST_DETAIL, "correlation at the given points")
+    return Check(lambda given: with_given_points(given, source), fit, _LEAST_DETAIL, "correlation at the given points")
 
 
-def _by_matches(inputs: Inputs, config: SfmConfig, scratch: Path) -> _Check:
+def _by_matches(inputs: Inputs, config: SfmConfig, scratch: Path) -> Check:
     """Triangulate the matches; they must fit the poses."""
     features = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
     images = inputs["photos"] / layout.PHOTO_IMAGES
@@ -110,7 +110,7 @@ def _by_matches(inputs: Inputs, config: SfmConfig, scratch: Path) -> _Check:
             ]
         )
 
-    return _Check(
+    return Check(
         lambda given: triangulated(given, features, images, config.seed),
         fit,
         _LEAST_FITTING,
@@ -118,38 +118,44 @@ def _by_matches(inputs: Inputs, config: SfmConfig, scratch: Path) -> _Check:
     )
 
 
-def _agreeing(
-    given: Sequence[Given], check: _Check, photos: pd.DataFrame
+def agreeing(
+    given: Sequence[Given], check: Check, photos: pd.DataFrame
 ) -> tuple[pycolmap.Reconstruction, Float[np.ndarray, " n"], list[int]]:
-    """Return the model of the photographs that agree with it, how well each fits, and the ids of those left out."""
-    model = check.build(given)
-    fit = check.fit(model)
-    ids = np.array([export.photo_id(image) for image in export.registered(model)])
-    wrong = fit < check.least
-    told = np.isfinite(fit).sum()
-    if told < SMALLEST_MODEL or wrong.sum() > _MOST_CONTRADICTED * told or model.num_points3D() == 0:
-        raise _contradiction(photos, ids, fit, wrong, check)
-    if not wrong.any():
-        return model, fit, []
-    # A wrong pose spoils the points of its neighbours too, so the rest is built again without it.
-    refused = ids[wrong].tolist()
-    model = check.build([one for one in given if one.photo_id not in refused])
-    return model, check.fit(model), refused
+    """Return the model of the photographs that agree with it, how well each fits, and the ids of those left out.
+
+    Raises InputError where most contradict their poses, or what is left cannot be checked.
+    """
+    refused: dict[int, float] = {}
+    while True:
+        model = check.build([one for one in given if one.photo_id not in refused])
+        fit = check.fit(model)
+        fit_of = dict(zip(map(export.photo_id, export.registered(model)), fit.tolist(), strict=True))
+        wrong = {photo_id: each for photo_id, each in fit_of.items() if each < check.least}
+        told = np.isfinite(fit).sum()
+        most = len(refused) + len(wrong) > _MOST_CONTRADICTED * (len(refused) + told)
+        if told < SMALLEST_MODEL or most or model.num_points3D() == 0:
+            raise _contradiction(photos, refused | fit_of, refused | wrong, check)
+        if not wrong:
+            return model, fit, sorted(refused)
+        # A wrong pose spoils the points of its neighbours too, so the rest is built again without it, and checked again.
+        refused |= wrong
 
 
 def _contradiction(
-    photos: pd.DataFrame, ids: np.ndarray, fit: np.ndarray, wrong: np.ndarray, check: _Check
+    photos: pd.DataFrame, fit_of: Mapping[int, float], wrong: Mapping[int, float], check: Check
 ) -> InputError:
+    """Say what is wrong. fit_of: how each photograph fits, by photo id. wrong: those of them that do not."""
     names: dict[int, str] = dict(zip(photos["photo_id"], photos["name"], strict=True))
-    if wrong.any():
-        worst = ids[np.argsort(np.where(wrong, fit, np.inf))[:_NAMED]]
+    fit = np.array(list(fit_of.values()))
+    if wrong:
         problem = (
-            f"the photographs contradict the given poses: {wrong.sum()} of {len(ids)} do not fit, {names[worst[0]]} "
-            f"first ({check.meaning}: median {np.nanmedian(fit):.2f}, at least {check.least} wanted)"
+            f"the photographs contradict the given poses: {len(wrong)} of {len(fit)} do not fit, "
+            f"{names[min(wrong, key=lambda photo_id: wrong[photo_id])]} first "
+            f"({check.meaning}: median {np.nanmedian(fit):.2f}, at least {check.least} wanted)"
         )
     else:
         problem = (
-            f"the given poses cannot be checked: of {len(ids)} photographs only {np.isfinite(fit).sum()} share enough "
+            f"the given poses cannot be checked: of {len(fit)} photographs only {np.isfinite(fit).sum()} share enough "
             "points with others"
         )
     return InputError(
@@ -167,7 +173,7 @@ def _unplaced(photos: pd.DataFrame, given: Sequence[Given], refused: list[int]) 
     return table.assign(reason=pd.Series(reasons, dtype="str"))
 
 
-def _notes(photos: pd.DataFrame, given: set[int], refused: list[int], check: _Check) -> tuple[str, ...]:
+def _notes(photos: pd.DataFrame, given: set[int], refused: list[int], check: Check) -> tuple[str, ...]:
     names: dict[int, str] = dict(zip(photos["photo_id"], photos["name"], strict=True))
     without = [name for photo_id, name in names.items() if photo_id not in given]
     notes = []
