@@ -1,12 +1,13 @@
 """A scene's poses, points and undistorted photographs -> a folder that COLMAP's or nerfstudio's tools read.
 
 The world is ours: ENU metres or level scene units, z up. Photographs keep their names, with `.png` added: these are
-undistorted copies, and must not be taken for the originals.
+undistorted copies, and must not be taken for the originals. For COLMAP, white space in names becomes `_`.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,6 +29,7 @@ FORMATS = (COLMAP, NERFSTUDIO)
 IMAGES = "images"
 _MODEL = "sparse/0"
 _CLOUD = "sparse_pc.ply"
+_COPY = ".png"
 
 
 def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
@@ -43,7 +45,9 @@ def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
     views, points = Views.load(sfm / layout.VIEWS), Points.load(sfm / layout.POINTS)
     table = read_photos(photos)
     original = dict(zip(table["photo_id"], table["name"], strict=True))
-    names = [f"{original[photo_id]}.png" for photo_id in views.photo_id]
+    names = [f"{original[photo_id]}{_COPY}" for photo_id in views.photo_id]
+    if form == COLMAP:
+        names = _without_spaces(names)
     for photo_id, name in zip(views.photo_id, names, strict=True):
         target = folder / IMAGES / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -53,6 +57,18 @@ def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
     else:
         _write_nerfstudio(views, points, names, folder)
     return len(views)
+
+
+def _without_spaces(names: Sequence[str]) -> list[str]:
+    """Return names of which none holds white space, where COLMAP's reader takes a name to end, and no two are alike."""
+    taken, plain = set(names), []
+    for name in names:
+        other = re.sub(r"\s", "_", name)
+        while other != name and other in taken:
+            other = f"{other.removesuffix(_COPY)}_{_COPY}"
+        taken.add(other)
+        plain.append(other)
+    return plain
 
 
 def _write_nerfstudio(views: Views, points: Points, names: Sequence[str], folder: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +83,26 @@ def test_a_colmap_model_is_recognised_with_its_points(scene: tuple[Path, Path, V
     found = recognise(tmp_path / "out")
     assert (found.kind, found.has_points) == (COLMAP, True)
     assert (tmp_path / "out" / "images" / "b" / "2.JPG.png").is_file()
+
+
+def test_colmap_reads_names_that_had_spaces_as_the_files_are_called(
+    scene: tuple[Path, Path, Views], tmp_path: Path
+) -> None:
+    """Its reader takes a name to end at the first space. One name is then what another is already."""
+    sfm, photos, _ = scene
+    names = ["a b/c d.jpg", "lost.jpg", "a_b/c_d.jpg", "e\u00a0f\tg.jpg"]
+    pd.DataFrame({"photo_id": range(4), "name": names}).to_parquet(photos / "photos.parquet")
+    export(sfm, photos, COLMAP, tmp_path / "out")
+    code = (
+        "import sys, json, pycolmap; model = pycolmap.Reconstruction(sys.argv[1]); "
+        "print(json.dumps({image.name: i for i, image in model.images.items()}))"
+    )
+    model = tmp_path / "out" / "sparse" / "0"
+    told = subprocess.run([sys.executable, "-c", code, model], check=True, capture_output=True, timeout=120)
+    for photo_id, image_id in zip((0, 2, 3), (1, 2, 3), strict=True):
+        (name,) = [name for name, number in json.loads(told.stdout).items() if number == image_id]
+        with Image.open(tmp_path / "out" / "images" / name) as image:
+            assert image.getpixel((0, 0)) == (photo_id, 0, 0)
 
 
 @pytest.mark.parametrize("form", [COLMAP, NERFSTUDIO])
