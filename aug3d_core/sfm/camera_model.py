@@ -14,6 +14,8 @@ adjustment drifts along that valley: on `brighton_beach` by 21 %, and the flight
 39.8 m) for 4 % of error. So the focal length from EXIF is kept unless freeing it pays in proportion. Where photographs tell
 it, 1, 2 and 5 % of wrong focal length cost 3 to 7, 11 and 8 to 18 % of error, ten times as much as there; they turn the
 built-in town's photographs by 0.7, 1.4 and 3.3 degrees if nothing is done.
+
+A camera without a focal length in EXIF gets the one that fits the photographs of those that have one.
 """
 
 from __future__ import annotations
@@ -70,26 +72,26 @@ class Chosen:
 def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
     """Return a copy of the model, mapped with the simplest camera, adjusted with the camera that predicts it best."""
     priors = _priors(model, photos)
-    known = len(priors) == len(_used_cameras(model))
     trial = _thinned(model)
     held_out = _hold_out(trial)
+    held = _completed(priors, trial if held_out else model)
     if not held_out:  # nothing is seen three times, so nothing can be told
-        final = _without_wrong_points(_adjusted(model, SIMPLEST, priors if known else {}))
-        return Chosen(final, SIMPLEST, EXIF if known else REFINED, {})
+        final = _without_wrong_points(_adjusted(model, SIMPLEST, held))
+        return Chosen(final, SIMPLEST, EXIF if priors else REFINED, {})
     heldout_px, moved_share = {}, {}
-    for focal_from in (EXIF, REFINED) if known else (REFINED,):
+    for focal_from in (EXIF, REFINED) if priors else (REFINED,):
         for name in _MODELS:
-            adjusted = _adjusted(trial, name, priors if focal_from == EXIF else {})
+            adjusted = _adjusted(trial, name, held if focal_from == EXIF else {})
             heldout_px[name, focal_from] = _error_px(adjusted, held_out)
             moved_share[name, focal_from] = _moved_share(adjusted, priors)
     best = {focal_from: (_smallest(heldout_px, focal_from), focal_from) for _, focal_from in heldout_px}
     camera_model, focal_from = best[REFINED]
     over = moved = None
-    if known:
+    if priors:
         over, moved = heldout_px[best[EXIF]] / heldout_px[best[REFINED]], moved_share[best[REFINED]]
         if over - 1 <= max(_WORTH_FOCAL, _WORTH_MOVING * moved):
             camera_model, focal_from = best[EXIF]
-    final = _without_wrong_points(_adjusted(model, camera_model, priors if focal_from == EXIF else {}))
+    final = _without_wrong_points(_adjusted(model, camera_model, held if focal_from == EXIF else {}))
     return Chosen(final, camera_model, focal_from, heldout_px, over, moved)
 
 
@@ -99,13 +101,17 @@ def as_it_was(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
     adjust(model, refine_focal_length=False, refine_distortion=False)
     _without_wrong_points(model)
     priors = _priors(model, photos)
-    cameras = {camera_id: model.camera(camera_id) for camera_id in _used_cameras(model)}
-    kept = all(camera.mean_focal_length() == priors.get(camera_id) for camera_id, camera in cameras.items())
-    return Chosen(model, next(iter(cameras.values())).model_name, EXIF if kept else REFINED, {})
+    kept = all(model.camera(camera_id).mean_focal_length() == focal_px for camera_id, focal_px in priors.items())
+    camera_model = model.camera(min(_used_cameras(model))).model_name
+    return Chosen(model, camera_model, EXIF if priors and kept else REFINED, {})
 
 
 def adjust(model: pycolmap.Reconstruction, refine_focal_length: bool, refine_distortion: bool = True) -> None:
     """Adjust all poses, points and cameras in place, so that wrong matches weigh little."""
+    pycolmap.bundle_adjustment(model, _options(refine_focal_length, refine_distortion))
+
+
+def _options(refine_focal_length: bool, refine_distortion: bool = True) -> pycolmap.BundleAdjustmentOptions:
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length, options.refine_extra_params = refine_focal_length, refine_distortion
     options.print_summary = False
@@ -113,7 +119,28 @@ def adjust(model: pycolmap.Reconstruction, refine_focal_length: bool, refine_dis
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = _SURE_PX
     options.ceres.solver_options.function_tolerance = _SETTLED
-    pycolmap.bundle_adjustment(model, options)
+    return options
+
+
+def _completed(known_px: dict[int, float], model: pycolmap.Reconstruction) -> dict[int, float]:
+    """Add the focal lengths of the cameras whose own is not known: those that fit the photographs of the others best."""
+    others = sorted(_used_cameras(model) - set(known_px))
+    if not known_px or not others:
+        return known_px
+    # Mapping may have drifted along the valley with all cameras; the others are taken back as far as the known ones are.
+    back = np.median(
+        [focal_px / model.camera(camera_id).mean_focal_length() for camera_id, focal_px in known_px.items()]
+    )
+    start_px = {camera_id: float(back * model.camera(camera_id).mean_focal_length()) for camera_id in others}
+    copy = _adjusted(model, SIMPLEST, known_px | start_px)
+    config = pycolmap.BundleAdjustmentConfig()
+    for image_id in copy.reg_image_ids():
+        config.add_image(image_id)
+    for camera_id in known_px:
+        config.set_constant_cam_intrinsics(camera_id)
+    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    pycolmap.create_default_bundle_adjuster(_options(refine_focal_length=True), config, copy).solve()
+    return known_px | {camera_id: copy.camera(camera_id).mean_focal_length() for camera_id in others}
 
 
 def _smallest(heldout_px: dict[tuple[str, str], float], focal_from: str) -> str:
