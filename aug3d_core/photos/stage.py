@@ -57,7 +57,7 @@ def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]
 def capture_order(photos: list[Decoded]) -> list[Decoded]:
     """Sort by time, then by name; by name alone if any has no time, for a few times would tear the sequence apart."""
     timed = all(photo.exif.time for photo in photos)
-    return sorted(photos, key=lambda photo: (photo.exif.time if timed else None or 0, natural_key(photo.name)))
+    return sorted(photos, key=lambda photo: (photo.exif.time if timed else 0, natural_key(photo.name)))
 
 
 def _distinct(photos: list[Decoded], config: PhotosConfig) -> tuple[list[Decoded], Rejected]:
