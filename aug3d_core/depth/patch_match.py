@@ -13,14 +13,23 @@ def choose_engine(wanted: str) -> tuple[str, str]:
     """Return sweep or patch_match, and why; raises InputError when patch-match is asked for where it cannot run."""
     if wanted == "sweep":
         return "sweep", "asked for by depth.engine"
-    if pycolmap.has_cuda:
+    lacking = _lacking()
+    if not lacking:
         return "patch_match", "this pycolmap runs on CUDA"
     if wanted == "patch_match":
         raise InputError(
-            "depth.engine=patch_match needs a pycolmap built with CUDA, and this one is not",
+            f"depth.engine=patch_match cannot run: {lacking}",
             "install pycolmap-cuda12 on a machine with an NVIDIA GPU, or set depth.engine=sweep",
         )
-    return "sweep", "this pycolmap was built without CUDA"
+    return "sweep", lacking
+
+
+def _lacking() -> str:
+    """Return what patch-match lacks here, or nothing. What pycolmap was built for says nothing of the machine."""
+    if not pycolmap.has_cuda:
+        return "this pycolmap was built without CUDA"
+    devices = pycolmap.get_num_cuda_devices()  # type: ignore[attr-defined]  # others lack it
+    return "" if devices else "no CUDA GPU is visible"
 
 
 def patch_match(workspace: Path) -> None:

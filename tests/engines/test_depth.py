@@ -181,18 +181,28 @@ def test_the_number_of_workers_changes_nothing(
     assert files(tmp_path) == files(found[0])
 
 
+def cuda(monkeypatch: pytest.MonkeyPatch, devices: int) -> None:
+    """Take this pycolmap for one that was built with CUDA: others lack the function that counts devices."""
+    monkeypatch.setattr(pycolmap, "has_cuda", True)
+    monkeypatch.setattr(pycolmap, "get_num_cuda_devices", lambda: devices, raising=False)
+
+
 def test_patch_match_without_cuda_is_refused(inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pycolmap, "has_cuda", False)
-    with pytest.raises(InputError, match=r"depth\.engine=patch_match needs a pycolmap built with CUDA"):
+    with pytest.raises(InputError, match=r"depth\.engine=patch_match cannot run: this pycolmap was built without CUDA"):
         find_depth(inputs, tmp_path, engine="patch_match")
 
 
 def test_the_engine_is_chosen_by_what_pycolmap_can_do(monkeypatch: pytest.MonkeyPatch) -> None:
     from aug3d_core.depth.patch_match import choose_engine
 
-    monkeypatch.setattr(pycolmap, "has_cuda", True)
+    cuda(monkeypatch, devices=1)
     assert choose_engine("auto")[0] == choose_engine("patch_match")[0] == "patch_match"
     assert choose_engine("sweep")[0] == "sweep"
+    cuda(monkeypatch, devices=0)
+    assert choose_engine("auto") == ("sweep", "no CUDA GPU is visible")
+    with pytest.raises(InputError, match="no CUDA GPU is visible"):
+        choose_engine("patch_match")
     monkeypatch.setattr(pycolmap, "has_cuda", False)
     assert choose_engine("auto") == ("sweep", "this pycolmap was built without CUDA")
 
@@ -248,7 +258,7 @@ def test_patch_match_gets_what_the_workspace_holds_and_its_maps_are_fused(
                 name = layout.geometric_map_name(index)
                 shutil.copy(found[0] / layout.DENSE_WORKSPACE / folder / name, workspace / folder)
 
-    monkeypatch.setattr(pycolmap, "has_cuda", True)
+    cuda(monkeypatch, devices=1)
     monkeypatch.setattr(depth_stage, "patch_match", stand_in)
     outcome = find_depth(aside, tmp_path / "out", sources=10)
     assert (outcome.metrics["engine"], outcome.metrics["photos"]) == ("patch_match", 10)
