@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import psutil
 import pycolmap
 import pytest
 from engines.little_scene import FOCAL_PX, SIZE, LittleScene, poses
 from PIL import Image
 
+from aug3d_core.depth import fusion
 from aug3d_core.depth import stage as depth_stage
 from aug3d_core.depth.cameras import Camera, camera_of
 from aug3d_core.depth.config import DepthConfig
@@ -143,6 +145,22 @@ def test_fused_points_lie_on_the_scene_and_face_up(found: tuple[Path, Outcome]) 
     assert np.median(fused.normals[:, 2]) > 0.98
     assert fused.views.min() >= 2
     assert outcome.state == "ok"
+
+
+def test_fusion_takes_no_more_than_a_share_of_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own default is to load every map."""
+    asked = []
+
+    def fuse(ply: Path, *_: object, options: pycolmap.StereoFusionOptions, **__: object) -> None:
+        asked.append(options)
+        raise InterruptedError
+
+    monkeypatch.setattr(pycolmap, "stereo_fusion", fuse)
+    (tmp_path / "stereo").mkdir()
+    with pytest.raises(InterruptedError):
+        fusion.fuse(tmp_path, true_views(), [0, 1, 2])
+    assert asked[0].use_cache
+    assert 0 < asked[0].cache_size < psutil.virtual_memory().total / 2**30
 
 
 def test_colmap_reads_the_workspace(found: tuple[Path, Outcome]) -> None:
