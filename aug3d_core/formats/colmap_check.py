@@ -16,11 +16,13 @@ _CAMERA = struct.Struct("<IiQQ")  # id, model, width, height; then the parameter
 _PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12)  # by the number of the model
 _IMAGE_BYTES, _OBSERVATION_BYTES = 64, 24  # id, quaternion, translation, camera; then name, observations
 _POINT_BYTES, _ELEMENT_BYTES = 43, 8  # id, place, colour, error; then the track
+_NUMBER = struct.Struct("<I")
+_ID_BYTES, _SENSOR_BYTES, _POSE_BYTES = 4, 8, 56
 
 
 def check_binary(folder: Path) -> None:
-    """Raise InputError that names the file if one of the three ends before its records do."""
-    for name, skip in (("cameras", _skip_camera), ("images", _skip_image), ("points3D", _skip_point)):
+    """Raise InputError that names the file if one of them ends before its records do."""
+    for name, skip in _SKIP.items():
         file = folder / f"{name}.bin"
         if file.is_file():
             _check(file, skip)
@@ -58,3 +60,26 @@ def _skip_image(data: bytes, at: int) -> int:
 def _skip_point(data: bytes, at: int) -> int:
     at += _POINT_BYTES
     return at + _COUNT.size + _ELEMENT_BYTES * _COUNT.unpack_from(data, at)[0]
+
+
+def _skip_rig(data: bytes, at: int) -> int:
+    (sensors,) = _NUMBER.unpack_from(data, at + _ID_BYTES)
+    at += _ID_BYTES + _NUMBER.size + (_SENSOR_BYTES if sensors else 0)
+    for _ in range(1, sensors):  # the first has no pose, for others are given relative to it
+        (has_pose,) = struct.unpack_from("<?", data, at + _SENSOR_BYTES)
+        at += _SENSOR_BYTES + 1 + (_POSE_BYTES if has_pose else 0)
+    return at
+
+
+def _skip_frame(data: bytes, at: int) -> int:
+    at += 2 * _ID_BYTES + _POSE_BYTES
+    return at + _NUMBER.size + (_SENSOR_BYTES + _COUNT.size) * _NUMBER.unpack_from(data, at)[0]
+
+
+_SKIP = {
+    "cameras": _skip_camera,
+    "images": _skip_image,
+    "points3D": _skip_point,
+    "rigs": _skip_rig,
+    "frames": _skip_frame,
+}
