@@ -12,8 +12,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from jaxtyping import Bool
 
 from aug3d_core.depth.cameras import depth_sizes
 from aug3d_core.depth.config import DepthConfig
@@ -28,6 +26,8 @@ from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, write_patch_match_list, write_workspace
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.grouping.roles import read_roles
+from aug3d_core.grouping.spread import evenly_spread
 from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 
@@ -42,7 +42,8 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     sfm, workspace = inputs["sfm"], out / layout.DENSE_WORKSPACE
     views, images = Views.load(sfm / layout.VIEWS), sfm / layout.VIEW_IMAGES
     points, tracks = Points.load(sfm / layout.POINTS), Tracks.load(sfm / layout.TRACKS)
-    train, given = _roles(inputs["grouping"], len(views))
+    role = read_roles(inputs["grouping"], len(views))
+    train, given = role == "train", ~np.isin(role, ["target", ""])
     engine, reason = choose_engine(config.engine)
     sources = choose_sources(views, points, tracks, given, train, OTHERS_PER_SOURCE * config.sources)
     usable = [view for view, chosen in sources.items() if chosen]
@@ -75,7 +76,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     fused.save(out / layout.FUSED)
     baseline = fuse(workspace, views, usable)
     baseline.save(out / layout.BASELINE_FUSED)
-    draw_sheet(out, images, views, [usable[i] for i in _spread(len(usable), PICTURE_ROWS)])
+    draw_sheet(out, images, views, evenly_spread(np.array(usable), PICTURE_ROWS).tolist())
     shutil.rmtree(workspace / IMAGES)
     share = _consistent_share(out, views, usable)
     metrics: dict[str, Metric] = {
@@ -100,16 +101,6 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         notes=notes,
         pictures={"Photos, their depth (near is yellow) and normals; grey: no depth": layout.DEPTH_SHEET},
     )
-
-
-def _roles(grouping: Path, count: int) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Return which views are for training, and which may be used at all."""
-    table = pd.read_parquet(grouping / layout.SPLIT_TABLE)
-    train, given = np.zeros(count, bool), np.zeros(count, bool)
-    role = table["role"].astype(str).to_numpy()
-    train[table["view"].to_numpy()] = role == "train"
-    given[table["view"].to_numpy()] = role != "target"
-    return train, given
 
 
 def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[float]:
@@ -137,10 +128,6 @@ def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConf
         planes = run_jobs(jobs, tick)
         run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
     return [count for share in planes for count in share]
-
-
-def _spread(count: int, most: int) -> list[int]:
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
 def _consistent_share(out: Path, views: Views, chosen: list[int]) -> float:

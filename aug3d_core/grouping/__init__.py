@@ -4,7 +4,7 @@ similarity        visibility -> number of shared points of every pair of views
 similarity_stage  the stage that writes it
 scene             what every way of grouping may look at
 methods           the ways of grouping by name
-spread            choose centres evenly over the ground
+spread            choose centres evenly over the ground, and places in a row
 sequence          group by capture order
 grid              group by where cameras stand, with or without where they look
 ray               group by where central rays meet the ground
@@ -16,7 +16,7 @@ twins             photographs taken in one pose
 footprint         how large a piece of ground a view sees, and how far apart two of them lie
 cluster_size      K by itself: as many as overlap
 left_out          views in no group, and why
-split             a block of ground for the test, a gap around it, the rest for training
+split             a block of ground for the test, a gap around it, the rest for training; `roles` reads it
 audit             figures that say how good groups and split are
 picture           the pictures that people look at
 stage             the stage

@@ -15,6 +15,7 @@ import pandas as pd
 from aug3d_core.errors import InputError
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.views import Views
+from aug3d_core.grouping.audit import MANY_APART
 from aug3d_core.grouping.columns import draw_columns, photo_file
 from aug3d_core.grouping.comparison import (
     BEST,
@@ -39,8 +40,6 @@ from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
 from aug3d_core.surface.raycast import Raycaster
 
-# Every second draw of three input views then holds one that shows next to nothing of the group's centre: 1 - 0.8^3 = 0.49
-_MANY_BAD = 0.2
 _MANY_UNJUDGED = 0.5  # the figures then speak of the smaller part
 _PLACES_ON_MAP, _PLACES_IN_COLUMNS = 6, 2
 _QUALITY = 88  # of a JPEG
@@ -80,7 +79,7 @@ def measure_groups(
 
 def _doubts(bad: float | None, unjudged: float) -> list[str]:
     doubts = []
-    if bad is not None and bad > _MANY_BAD:
+    if bad is not None and bad > MANY_APART:
         doubts.append(f"{bad:.0%} of the members of the scene's groups see next to nothing of what the centre sees")
     if unjudged > _MANY_UNJUDGED:
         doubts.append(f"the mesh shows too little to judge {unjudged:.0%} of the members of the scene's groups")

@@ -1,9 +1,9 @@
-"""Choose positions spread evenly over the ground."""
+"""Choose positions spread evenly over the ground, or places in a row."""
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 
 
 def farthest_points(positions: Float[np.ndarray, "n 2"], count: int) -> Int[np.ndarray, " c"]:
@@ -21,3 +21,8 @@ def farthest_points(positions: Float[np.ndarray, "n 2"], count: int) -> Int[np.n
         distance = np.minimum(distance, np.linalg.norm(positions - positions[farthest], axis=1))
         distance[farthest] = -1.0
     return np.array(chosen)
+
+
+def evenly_spread(row: Shaped[np.ndarray, " n"], most: int) -> Shaped[np.ndarray, " m"]:
+    """Return at most `most` elements of a row, evenly spread, its ends among them if there are two or more."""
+    return row[np.linspace(0, len(row) - 1, min(len(row), most)).round().astype(int)]

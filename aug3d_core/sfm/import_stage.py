@@ -22,6 +22,7 @@ from aug3d_core.sfm.agreement import detail_agreement
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.given_model import matched_keypoints, triangulated, with_given_points
 from aug3d_core.sfm.mapping import SMALLEST_MODEL
+from aug3d_core.sfm.unplaced import listed
 from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
 from aug3d_core.stage import Inputs, Outcome, Progress
 from aug3d_core.store import layout
@@ -31,7 +32,6 @@ _LEAST_FITTING = 0.2  # share; right poses: 0.42 and more on brighton_beach, 0.5
 _FEWEST_MATCHED = 20
 _MOST_CONTRADICTED = 0.5
 _LOOSE_PX = 1.5  # at the working copies' size; structure from motion ends below 1
-_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -180,12 +180,8 @@ def _notes(photos: pd.DataFrame, given: set[int], refused: list[int], check: Che
     if refused:
         notes.append(
             f"{len(refused)} photographs are left out because they contradict their given pose ({check.meaning} under "
-            f"{check.least}): {_listed([names[photo_id] for photo_id in refused])}"
+            f"{check.least}): {listed([names[photo_id] for photo_id in refused])}"
         )
     if without:
-        notes.append(f"{len(without)} of {len(photos)} photographs have no given pose: {_listed(without)}")
+        notes.append(f"{len(without)} of {len(photos)} photographs have no given pose: {listed(without)}")
     return tuple(notes)
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")

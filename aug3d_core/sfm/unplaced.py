@@ -74,18 +74,19 @@ def unplaced_notes(table: pd.DataFrame, photos: int) -> tuple[str, ...]:
     for each in (BLURRED, BARE, NO_OVERLAP):
         alike = names[reason == each]
         if len(alike):
-            notes.append(f"{len(alike)} of {photos} photographs could not be placed ({each}): {_listed(alike)}")
+            notes.append(f"{len(alike)} of {photos} photographs could not be placed ({each}): {listed(alike)}")
     islands = np.unique(component[component > 0])
     for number in islands:
         alike = names[component == number]
         notes.append(
             f"the photographs fall into {len(islands) + 1} parts that nothing connects, and only the largest is used; "
-            f"part {number + 1} holds {len(alike)} of {photos}: {_listed(alike)}"
+            f"part {number + 1} holds {len(alike)} of {photos}: {listed(alike)}"
         )
     return tuple(notes)
 
 
-def _listed(names: np.ndarray) -> str:
+def listed(names: Sequence[str] | np.ndarray) -> str:
+    """Return the first few names."""
     return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
 
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float, Int
 from PIL import Image
 from scipy.spatial import KDTree
@@ -22,6 +21,8 @@ from scipy.spatial import KDTree
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Tracks, Views
+from aug3d_core.grouping.roles import read_roles
+from aug3d_core.grouping.spread import evenly_spread
 from aug3d_core.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.store import layout
 from aug3d_core.surface import checks
@@ -58,7 +59,7 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     scene = _Scene(
         views,
         Tracks.load(inputs["sfm"] / layout.TRACKS),
-        _roles(inputs["grouping"], len(views)),
+        read_roles(inputs["grouping"], len(views)),
         inputs["sfm"] / layout.VIEW_IMAGES,
         config,
     )
@@ -70,7 +71,7 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     _save(baseline, out, layout.BASELINE_MESH, layout.BASELINE_TEXTURED_MESH, layout.BASELINE_MESH_TEXTURE)
     sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
     (out / layout.MESH_SOURCES).write_text(json.dumps(sources))
-    known = _spread(given, config.check_views)
+    known = evenly_spread(given, config.check_views)
     with clock.step("checks"):
         renders = checks.render_views(
             baseline.best, views, [*targets, *known], _exposures(views, given, baseline.gains)
@@ -107,14 +108,6 @@ def _counter(total: int, progress: Progress) -> Callable[[], None]:
     return tick
 
 
-def _roles(grouping: Path, count: int) -> np.ndarray:
-    """Return the role of each view."""
-    table = pd.read_parquet(grouping / layout.SPLIT_TABLE)
-    role = np.full(count, "", dtype=object)
-    role[table["view"].to_numpy()] = table["role"].astype(str).to_numpy()
-    return role
-
-
 def _build(scene: _Scene, fused: Path, chosen: np.ndarray, clock: Clock, tick: Callable[[], None]) -> Built:
     return build(Fused.load(fused), scene.tracks, scene.views, chosen, scene.images, scene.config, clock, tick)
 
@@ -129,11 +122,6 @@ def _save_renders(folder: Path, renders: list[Image.Image], views: Views, target
     folder.mkdir(exist_ok=True)
     for view, render in zip(targets, renders, strict=True):
         render.save(folder / layout.image_name(views.photo_id[view]))
-
-
-def _spread(chosen: np.ndarray, count: int) -> np.ndarray:
-    """Return at most `count` of these, evenly spread."""
-    return chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), count)).round().astype(int)]
 
 
 def _figures(train: Built, baseline: Built, config: SurfaceConfig) -> dict[str, Metric]:
@@ -208,7 +196,7 @@ def _draw(
     )
     for caption, name, chosen, shown in sheets:
         if len(chosen):
-            rows = _spread(np.arange(len(chosen)), PICTURE_ROWS)
+            rows = evenly_spread(np.arange(len(chosen)), PICTURE_ROWS)
             sheet = checks.side_by_side(
                 scene.images, baseline.best, scene.views, list(chosen[rows]), [shown[r] for r in rows], PICTURE_PX
             )

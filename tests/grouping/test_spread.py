@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.grouping.spread import farthest_points
+from aug3d_core.grouping.spread import evenly_spread, farthest_points
 
 
 @given(st.integers(0, 2**31), st.integers(1, 40), st.integers(1, 50))
@@ -27,3 +27,12 @@ def test_centres_cover_the_ground_and_keep_apart(seed: int, count: int) -> None:
 
 def test_views_at_one_place_are_all_chosen() -> None:
     assert sorted(farthest_points(np.zeros((5, 2)), 5)) == [0, 1, 2, 3, 4]
+
+
+@given(st.integers(1, 300), st.integers(1, 40))
+def test_places_in_a_row_are_distinct_and_as_far_apart_as_each_other(count: int, most: int) -> None:
+    chosen = evenly_spread(np.arange(count), most)
+    assert chosen[0] == 0 and len(chosen) == min(count, most)
+    if len(chosen) > 1:
+        steps = np.diff(chosen)
+        assert chosen[-1] == count - 1 and steps.min() > 0 and np.ptp(steps) <= 1
