@@ -10,8 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-import psutil
-
+from aug3d_core.memory import total_bytes
 from aug3d_core.stage import Frozen
 
 # Each engine is imported in a process of its own: two native libraries in one process corrupt memory.
@@ -63,7 +62,7 @@ def _engine(name: str) -> Check:
 
 
 def _memory() -> Check:
-    gib = psutil.virtual_memory().total / 2**30
+    gib = total_bytes() / 2**30
     state = "ok" if gib >= _NEED_MEMORY_GIB else "warn"
     return Check(name="memory", state=state, found=f"{gib:.1f} GiB", remedy=f"the demo needs {_NEED_MEMORY_GIB} GiB")
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import psutil
 
 from aug3d_core.errors import StageFailed
+from aug3d_core.memory import total_bytes
 from aug3d_core.parent import SUPERVISED
 from aug3d_core.stage import Progress, Stage
 from aug3d_core.starter import Process, start
@@ -66,7 +67,7 @@ def _watch(
     process: Process, stage: Stage, folder: Path, started: float, progress: Progress
 ) -> tuple[Cost, tuple[str, str] | None]:
     """Wait for the end; return the cost and, if the job was stopped from here, (cause, problem)."""
-    limit_mib = min(stage.limit_mib, 0.9 * psutil.virtual_memory().total / 2**20)
+    limit_mib = min(stage.limit_mib, 0.9 * total_bytes() / 2**20)
     report = _progress_reader(folder, progress)
     cost = Cost(0.0, 0.0, 0.0)
     while process.poll() is None:

@@ -76,6 +76,7 @@ class Stage:
     grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`
         is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work. Where the
         answer then differs from a fresh one, within the accuracy of the stage, a metric says what it grew from.
+    afresh: a key of its own, for an answer that must not have grown.
     alone: it uses the whole machine for long; one at a time runs in a store, of however many scenes.
     limit_s, limit_mib: time and memory at which the stage's process group is killed.
     """
@@ -88,6 +89,7 @@ class Stage:
     accuracy: str
     resumable: bool = False
     grows: bool = False
+    afresh: bool = False
     alone: bool = False
     reads: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
     limit_s: float = 24 * 3600.0

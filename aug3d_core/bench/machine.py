@@ -7,13 +7,13 @@ import platform
 from datetime import UTC, datetime
 from pathlib import Path
 
-import psutil
+from aug3d_core.memory import total_bytes
 
 
 def describe_machine() -> str:
     """Return processor, cores that this process may use, memory, Python, and the day."""
     cores = len(os.sched_getaffinity(0))
-    memory_gib = psutil.virtual_memory().total / 2**30
+    memory_gib = total_bytes() / 2**30
     day = datetime.now(UTC).date().isoformat()
     return f"{_processor()}, {cores} cores, {memory_gib:.0f} GiB, Python {platform.python_version()}, {day}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from aug3d_core.errors import StageFailed, StoreError
@@ -16,6 +17,7 @@ from aug3d_core.stage import Metric
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
+_GREW = ("photos_reused", "grown_from")  # figures of a run that cost less, for photographs had been added to its scene
 Say = Callable[[str, int, int, str], None]  # stage, done, total, what
 Damage = Callable[[str, Record], Record]  # what a stage made -> what the stages after it shall read
 
@@ -88,8 +90,9 @@ def run_trial(
     """Make every stage up to and with `until`, of the town or of a folder of photographs.
 
     A stage that fails ends the trial, not the benchmark: where a setting breaks is a result. afresh: no stage grows from
-    what an earlier trial made, so that the order of trials is nothing to the result. folds: in every fold that the split
-    finds, not in the first alone. Raises StoreError where every other trial would fail too.
+    what an earlier trial made, nor is anything taken that a run has grown, so that the order of trials is nothing to the
+    result. folds: in every fold that the split finds, not in the first alone. Raises StoreError where every other trial
+    would fail too.
     """
     config = scene.config(overrides)
     records: dict[str, Record] = {}
@@ -104,13 +107,11 @@ def run_trial(
         sources = gather(store, stage, seen, material)
         decisions += () if step.fold else settled.decisions
         try:
-            made = make(
-                store,
-                replace(stage, grows=stage.grows and not afresh),
-                step.in_fold(settled.config) if folds else settled.config,
-                sources,
-                lambda done, total, what, name=step.name: say(name, done, total, what),
-            )
+            own = step.in_fold(settled.config) if folds else settled.config
+            told = partial(say, step.name)
+            made = make(store, replace(stage, grows=stage.grows and not afresh), own, sources, told)
+            if afresh and any(made.metrics.get(figure) for figure in _GREW):
+                made = make(store, replace(stage, grows=False, afresh=True), own, sources, told)
             records[step.name] = damage(stage.name, made)
             damaged += () if records[step.name] is made else (made,)
         except StageFailed as failure:

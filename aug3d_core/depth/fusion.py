@@ -13,6 +13,7 @@ from jaxtyping import UInt8
 from aug3d_core.depth.workspace import write_fusion_list
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.views import Views
+from aug3d_core.memory import total_bytes
 
 FEWEST_VIEWS = 2  # the maps hold only what others confirmed already
 MOST_OFF_PX = 1.5
@@ -37,7 +38,7 @@ def fuse(workspace: Path, views: Views, chosen: list[int]) -> Fused:
     options.max_normal_error = MOST_OFF_NORMAL_DEG
     # Else all maps are in memory at once, 60 MB for a photograph of `paper`; the points are the same
     options.use_cache = True
-    options.cache_size = CACHE_SHARE * psutil.virtual_memory().available / 2**30
+    options.cache_size = CACHE_SHARE * min(psutil.virtual_memory().available, total_bytes()) / 2**30
     with tempfile.TemporaryDirectory() as folder:
         ply = Path(folder) / "fused.ply"
         pycolmap.stereo_fusion(ply, workspace, input_type="geometric", options=options, output_type="ply")

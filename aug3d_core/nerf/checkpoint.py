@@ -34,7 +34,7 @@ def save_model(model: PixelNeRF, out: Path) -> None:
 
 
 def load_model(folder: Path) -> PixelNeRF:
-    """Read a trained model, ready for use."""
+    """Read a trained model, ready for use, on a GPU if there is one."""
     try:
         told = json.loads((folder / layout.MODEL_CONFIG).read_text())["config"]
         if untold := sorted(TrainingConfig.model_fields.keys() - told.keys()):  # a default could be another network
@@ -49,7 +49,7 @@ def load_model(folder: Path) -> PixelNeRF:
     except RuntimeError as error:
         missing = " ".join(str(error).splitlines()[1:2]).strip()[:200]
         raise InputError(f"{layout.MODEL_WEIGHTS} belongs to another network: {missing}", AGAIN) from error
-    return model.eval()
+    return model.eval().to("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def save_state(folder: Path, step: int, state: dict[str, Any]) -> None:

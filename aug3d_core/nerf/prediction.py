@@ -32,7 +32,7 @@ def predict(model: PixelNeRF, scene: Scene, target: int, inputs: np.ndarray, ray
         end = start + rays_per_batch
         some = Rays(rays.origins[start:end], rays.directions[start:end], rays.near[start:end], rays.far[start:end])
         coarse, fine = model(encoded, TensorRays.of(some, 1), None)
-        parts.append((coarse.colour.numpy(), fine.colour.numpy(), fine.depth.numpy()))
+        parts.append(tuple(part.cpu().numpy() for part in (coarse.colour, fine.colour, fine.depth)))
     coarse_rgb, fine_rgb, depth = (np.concatenate(part) for part in zip(*parts, strict=True))
     shape = (scene.height_px, scene.width_px)
     return Prediction(

@@ -7,6 +7,7 @@ decide alike. The stage's process is the first member: it alone reports and writ
 from __future__ import annotations
 
 import multiprocessing
+import os
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -112,6 +113,9 @@ def _joined(rank: int, size: int, meeting: str) -> Iterator[Team]:
     if team.device.type == "cuda":
         torch.cuda.set_device(team.device)
     backend = "nccl" if team.device.type == "cuda" else "gloo"
+    os.environ.update(
+        NCCL_SOCKET_IFNAME="lo", GLOO_SOCKET_IFNAME="lo"
+    )  # all members are here: nobody else may listen in
     distributed.init_process_group(backend, init_method=f"file://{meeting}", rank=rank, world_size=size)
     try:
         yield team

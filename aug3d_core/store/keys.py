@@ -36,6 +36,7 @@ def recipe(stage: Stage, config: StageConfig) -> str:
             "code": code_digest(stage.entry.partition(":")[0]),
             "config": config.model_dump(mode="json"),
             "engines": engine_versions(stage, config),
+            **({"afresh": True} if stage.afresh else {}),
         }
     )
 

@@ -37,6 +37,7 @@ class Stages:
         self.grew: list[bool] = []
         self.fails: Callable[[str, Made], str] = lambda stage, made: ""
         self.folds = 1
+        self.grown_from = 0  # photographs that poses found made had grown from
         self.luck_db = 0.0  # what the first seed gains for each halving of the steps
         self.test_of: Callable[[Made], Sequence[int]] = lambda made: (1, 2, 3, 4)
 
@@ -61,7 +62,7 @@ class Stages:
         self.grew.append(stage.grows)
         cost = 350 * made["training"]["steps"] / 1200 if stage.name == "training" else _COSTS.get(stage.name, 2.0)
         fields = {
-            "metrics": self._figures(stage.name, made, files),
+            "metrics": self._figures(stage, made, files),
             "config": config.model_dump(mode="json"),
             "state": "ok",
             "seconds": cost / 2,
@@ -70,20 +71,21 @@ class Stages:
         (files.parent / layout.JOB).write_text(json.dumps(_job(stage, sources)))
         return store.commit(files.parent, stage.name, key, _EMPTY | fields)
 
-    def _figures(self, stage: str, made: Made, files: Path) -> dict[str, Any]:
-        if stage == "photos":
+    def _figures(self, stage: Stage, made: Made, files: Path) -> dict[str, Any]:
+        if stage.name == "photos":
             names = [f"photo {number}.jpg" for number in range(9)]
             pd.DataFrame({"photo_id": range(9), "name": names}).to_parquet(files / layout.PHOTO_TABLE)
-        if stage == "grouping":
+        if stage.name == "grouping":
             (files / layout.SPLIT_TABLE).write_text(json.dumps(made))
             return {"folds": self.folds}
-        if stage == "truth":
+        if stage.name == "truth":
             return {"position_error_pct": 100.0 / made["matching"]["max_features"]}
-        if stage == "sfm":
-            return {"reprojection_px": 0.3, "focal_px": 500.0}
-        if stage == "mesh_truth":
+        if stage.name == "sfm":
+            grown = 0 if stage.afresh else self.grown_from
+            return {"reprojection_px": 0.3, "focal_px": 500.0, "grown_from": grown}
+        if stage.name == "mesh_truth":
             return {"fscore_half_pct": 0.9, "mesh_render_psnr": 25 - made["surface"]["texel_gsd"]}
-        if stage == "evaluation":
+        if stage.name == "evaluation":
             psnr = 20 + made["training"]["hidden"] / 64 + made["training"]["steps"] / 1200
             psnr += 0.01 * made["training"]["seed"] - made["grouping"]["fold"]
             psnr += 0.0 if made["training"]["seed"] else self.luck_db * log2(1200 / made["training"]["steps"])

@@ -132,6 +132,13 @@ def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_p
     assert not set(map(id, odd)) & set(map(id, on_front(found.factory)))
 
 
+def test_what_a_run_has_grown_is_not_taken_for_what_it_costs(stages: Stages, tmp_path: Path) -> None:
+    stages.grown_from = 40
+    found = studied(tmp_path)
+    assert {result.trial.records["sfm"].metrics["grown_from"] for result in found.results} == {0}
+    assert len({result.trial.records["sfm"].key for result in found.results}) == stages.computed.count("sfm") / 2
+
+
 def test_a_second_study_makes_nothing_again_and_says_so(stages: Stages, tmp_path: Path) -> None:
     studied(tmp_path)
     stages.computed.clear()
