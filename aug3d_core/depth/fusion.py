@@ -19,9 +19,8 @@ FEWEST_VIEWS = 2  # the maps hold only what others confirmed already
 MOST_OFF_PX = 1.5
 MOST_OFF_DEPTH = 0.01  # relative
 MOST_OFF_NORMAL_DEG = 60.0  # normals of crowns and edges scatter; position and confirmation decide there
-CACHE_SHARE = (
-    0.5  # of the free memory; a cache that held half of twelve photographs, all of one place, took 40 times as long
-)
+# Of the free memory; a cache that held half of twelve photographs, all of one place, took 40 times as long
+CACHE_SHARE = 0.5
 _POINT = np.dtype([("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)])
 
 

@@ -89,6 +89,8 @@ def build(
     if not len(fine.triangles):
         raise _nothing(f"no surface stands through the {len(evidence.xyz)} fused points")
     sampling = ground_sampling(fine, views, chosen)
+    if np.isnan(sampling):
+        raise _nothing("no photograph frames any of the surface through the fused points")
     with clock.step("decimation"):
         coarse = decimate(fine, config.max_error_gsd * sampling)
     if config.colour == "texture":

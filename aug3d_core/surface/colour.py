@@ -17,7 +17,7 @@ from PIL import Image
 from scipy import sparse
 from scipy.ndimage import map_coordinates
 
-from aug3d_core.geometry.transforms import apply, centres
+from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.store.layout import image_name
 from aug3d_core.surface.exposure import exposure_gains
@@ -151,9 +151,19 @@ def paint_vertices(photographs: Photographs, shape: Shape, best: int, tick: Call
 
 
 def ground_sampling(shape: Shape, views: Views, chosen: Iterable[int]) -> float:
-    """Return the median size of a photo pixel on the surface, world units."""
-    depths = [np.median(apply(views.cam_from_world[v], shape.xyz)[:, 2]) / views.intrinsics[v, 0] for v in chosen]
-    return float(np.median(depths))
+    """Return the size of a photo pixel on the surface, across the view, world units: the median of the views' medians.
+
+    Only what a view frames counts: of an oblique view most of a large surface lies elsewhere. NaN if no view frames any.
+    """
+    sampling: list[float] = []
+    for view in chosen:
+        in_cam = apply(views.cam_from_world[view], shape.xyz)
+        ahead = in_cam[in_cam[:, 2] > 0]
+        xy = project(ahead, views.intrinsics[view])
+        depth = ahead[((xy > 0) & (xy < views.size[view])).all(axis=1), 2]
+        if len(depth):
+            sampling.append(float(np.median(depth)) / views.intrinsics[view, 0])
+    return float(np.median(sampling)) if sampling else np.nan
 
 
 def _sample(image: Image.Image, xy: Float[np.ndarray, "s 2"], pixels: float) -> Float[np.ndarray, "s 3"]:

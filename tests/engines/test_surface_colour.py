@@ -6,7 +6,7 @@ from PIL import Image
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.store.layout import image_name
-from aug3d_core.surface.colour import Colours, Photographs, paint_vertices
+from aug3d_core.surface.colour import Colours, Photographs, ground_sampling, paint_vertices
 from aug3d_core.surface.shape import Shape, split_to
 
 RED, BLUE = (250, 10, 10), (10, 10, 250)
@@ -56,3 +56,28 @@ def test_what_faces_away_or_lies_outside_is_unknown(tmp_path):
     views = photos(tmp_path, (12.0,), (RED,))
     assert not painted(Shape(sheet.xyz, sheet.triangles[:, ::-1]), views, tmp_path).known.any()
     assert not painted(Shape(sheet.xyz + np.array([500.0, 0, 0]), sheet.triangles), views, tmp_path).known.any()
+
+
+def looking(*sights: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Views:
+    """Views of 100 x 80 px, each from a centre to a target."""
+    poses = np.stack([look_at(np.array(centre), np.array(target)) for centre, target in sights])
+    n = len(sights)
+    return Views(np.arange(n), poses, np.tile([200.0, 200.0, 50.0, 40.0], (n, 1)), np.tile([100, 80], (n, 1)))
+
+
+DOWN, OBLIQUE = ((0.0, 0.0, 40.0), (0.0, 0.0, 0.0)), ((-50.0, 0.0, 40.0), (-10.0, 0.0, 0.0))
+AWAY = ((0.0, 0.0, 40.0), (0.0, 0.0, 80.0))
+
+
+def test_a_pixels_size_is_that_of_what_the_view_frames_however_large_the_rest_is():
+    small, large = square(20, 0.0), square(60, 0.0)
+    assert np.isclose(ground_sampling(small, looking(DOWN), [0]), 40 / 200)
+    assert np.isclose(ground_sampling(small, looking(OBLIQUE), [0]), np.hypot(40, 40) / 200, rtol=0.1)
+    assert np.isclose(
+        ground_sampling(large, looking(OBLIQUE), [0]), ground_sampling(small, looking(OBLIQUE), [0]), rtol=0.03
+    )
+
+
+def test_what_frames_nothing_counts_for_nothing():
+    assert np.isnan(ground_sampling(square(20, 0.0), looking(AWAY), [0]))
+    assert np.isclose(ground_sampling(square(20, 0.0), looking(AWAY, AWAY, DOWN), [0, 1, 2]), 40 / 200)
