@@ -43,6 +43,11 @@ class StageConfig(Frozen):
         """The engines that these settings ask for besides the stage's own."""
         return ()
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that these settings name: what is in them is part of the key."""
+        return ()
+
 
 class Outcome(Frozen):
     """What a stage function reports.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
 from aug3d_core.stage import StageConfig
+
+AUTO, RANDOM = "auto", "random"
 
 
 class TrainingConfig(StageConfig):
@@ -32,7 +35,7 @@ class TrainingConfig(StageConfig):
         default=24, ge=4, le=512, description="Channels of the small encoder's first map, channels."
     )
     encoder_weights: str = Field(
-        default="random",
+        default=RANDOM,
         description="What resnet34 starts from: `random`, `auto` (ImageNet's if they are at hand), or a file of weights.",
     )
     encoder_frozen: bool = Field(default=False, description="Keep the encoder as it starts.")
@@ -90,6 +93,11 @@ class TrainingConfig(StageConfig):
     checkpoint_every: int = Field(default=200, ge=1, le=1_000_000, description="Steps between two checkpoints, steps.")
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of weights, batches and samples.")
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The weights that the encoder starts from, where they are a file."""
+        return () if self.encoder_weights in (AUTO, RANDOM) else (Path(self.encoder_weights).expanduser(),)
+
 
 class EvaluationConfig(StageConfig):
     """How the trained model is judged."""
@@ -130,7 +138,7 @@ TRAINING_PRESETS: dict[str, TrainingConfig] = {
         groups_per_step=4,
         rays_per_group=128,
         encoder="resnet34",
-        encoder_weights="auto",
+        encoder_weights=AUTO,
         encoder_frozen=True,
         hidden=256,
         normalised_z=True,

@@ -15,9 +15,9 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from aug3d_core.errors import InputError
+from aug3d_core.nerf.config import AUTO, RANDOM
 from aug3d_core.nerf.resnet import ResNet34, used_weights
 
-AUTO, RANDOM = "auto", "random"
 _IMAGENET = "https://download.pytorch.org/models/resnet34-b627a593.pth"  # torchvision's; the name ends in its SHA-256
 _PATIENCE_S = 20.0
 _CHOICES = "set training.encoder_weights to auto, random, or a file of torchvision's resnet34 (.pth or .safetensors)"

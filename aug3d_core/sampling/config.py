@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
 from aug3d_core.stage import StageConfig
+
+SAM_FILES = ("config.json", "model.safetensors")
 
 
 class SamplingConfig(StageConfig):
@@ -109,6 +112,15 @@ class SamplingConfig(StageConfig):
     def engines(self) -> tuple[str, ...]:
         """What segments photographs, where that is asked for."""
         return ("torch", "transformers") if self.method == "sam" else ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The model that segments photographs, where it is a folder or a file of one."""
+        if self.method != "sam" or not self.sam_weights:
+            return ()
+        named = Path(self.sam_weights).expanduser()
+        folder = named.parent if named.is_file() else named
+        return tuple(folder / name for name in SAM_FILES) if folder.is_dir() else ()
 
 
 PRESETS: dict[str, SamplingConfig] = {

@@ -17,14 +17,13 @@ from jaxtyping import Bool, UInt8
 from aug3d_core.errors import InputError
 from aug3d_core.sampling.buildings import plan_over
 from aug3d_core.sampling.cameras import Plan
-from aug3d_core.sampling.config import SamplingConfig
+from aug3d_core.sampling.config import SAM_FILES, SamplingConfig
 from aug3d_core.sampling.orthographic import Slice
 from aug3d_core.sampling.sam_job import SamJob
 from aug3d_core.sampling.site import Site
 from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.worker import run_worker
 
-FILES = ("config.json", "model.safetensors")
 _ON_THE_HUB = re.compile(r"[\w.-]+/[\w.-]+")
 _WHERE = (
     "set sampling.sam_weights to a folder with config.json and model.safetensors of a Segment Anything model, or to one's "
@@ -51,7 +50,7 @@ def find_weights(setting: str | None) -> tuple[str, bool]:
     folder = Path(setting).expanduser()
     folder = folder.parent if folder.is_file() else folder
     if folder.is_dir():
-        for name in FILES:
+        for name in SAM_FILES:
             if not (folder / name).is_file():
                 raise InputError(f"sampling.sam_weights {setting} has no {name}", _WHERE)
         return str(folder.resolve()), True

@@ -37,8 +37,22 @@ def recipe(stage: Stage, config: StageConfig) -> str:
             "config": config.model_dump(mode="json"),
             "engines": engine_versions(stage, config),
             **({"afresh": True} if stage.afresh else {}),
+            **({"files": read} if (read := _read(config)) else {}),
         }
     )
+
+
+def _read(config: StageConfig) -> dict[str, str]:
+    """Return the digest of each file that the settings name, "none" if it is not there: the stage says so."""
+    return {
+        str(file): _file_digest(file, file.stat().st_mtime_ns) if file.is_file() else "none" for file in config.files
+    }
+
+
+@lru_cache
+def _file_digest(file: Path, _changed_at_ns: int) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def _hashed(parts: dict[str, object]) -> str:

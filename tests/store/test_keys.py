@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from tests_support import FakeConfig, fake_stage
 
 from aug3d_core import stages
+from aug3d_core.nerf.config import TrainingConfig
 from aug3d_core.sampling.config import SamplingConfig
 from aug3d_core.stage import Stage
 from aug3d_core.store import keys
@@ -110,6 +112,27 @@ def test_what_segments_photographs_counts_where_it_is_asked_for(monkeypatch: pyt
     asked = keys.engine_versions(stages.SAMPLING, SamplingConfig(method="sam"))
     assert (asked["torch"], asked["transformers"]) == ("1", "none"), "the stage says what to install"
     assert not {"torch", "transformers"} & keys.engine_versions(stages.SAMPLING, SamplingConfig()).keys()
+
+
+def test_weights_are_known_by_their_bytes(tmp_path: Path) -> None:
+    training = stages.STAGES["training"]
+    weights = tmp_path / "resnet34.safetensors"
+    config = TrainingConfig(encoder_weights=str(weights))
+    found = {keys.recipe(training, config)}
+    for time_ns, content in enumerate((b"one", b"two")):
+        weights.write_bytes(content)
+        os.utime(weights, ns=(time_ns, time_ns))
+        found.add(keys.recipe(training, config))
+    assert len(found) == 3 and not TrainingConfig(encoder_weights="auto").files
+
+
+def test_a_model_that_segments_is_known_by_its_bytes_where_it_is_a_folder(tmp_path: Path) -> None:
+    folder = SamplingConfig(method="sam", sam_weights=str(tmp_path))
+    assert [file.name for file in folder.files] == ["config.json", "model.safetensors"]
+    (tmp_path / "config.json").write_text("{}")
+    assert SamplingConfig(method="sam", sam_weights=str(tmp_path / "config.json")).files == folder.files
+    assert not SamplingConfig(method="sam", sam_weights="facebook/sam-vit-base").files
+    assert not SamplingConfig(method="grid", sam_weights=str(tmp_path)).files
 
 
 def test_a_worker_process_is_code_of_its_stage() -> None:
