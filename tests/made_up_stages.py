@@ -61,6 +61,7 @@ class Stages:
         if stage == "grouping":
             return {"folds": self.folds}
         if stage == "photos":
+            pd.DataFrame({"width_px": [640], "height_px": [480]}).to_parquet(files / layout.PHOTO_TABLE)
             return {"photos": 1}
         if stage != "evaluation":
             return {}
