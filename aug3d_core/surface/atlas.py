@@ -22,6 +22,7 @@ GUTTER = 2  # texels around a chart, so that sampling between texels takes nothi
 SMOOTH_ROUNDS = 3
 LEAST_COSINE = 0.5  # a triangle may join its neighbours' chart if it is seen at least so straight there
 MOST_LAYERS = 4
+LEAST_GROWTH = 1.02  # of a texel from try to try
 RAYS = 2**21  # at a time: bounds memory
 
 
@@ -74,6 +75,22 @@ def make_atlas(shape: Shape, texel: float) -> Atlas:
         layer[covered] += 1
         atlas = _lay_out(shape, frame, facing, layer, pairs, texel)
     return atlas
+
+
+def atlas_within(shape: Shape, texel: float, budget: int) -> tuple[Atlas, float]:
+    """Lay a mesh out with texels of this size (world units), or as much larger as the budget asks; return it and the size.
+
+    How much the gutters of small charts take, and what shelves waste, is known only afterwards. Charts of one texel with
+    their gutters are the least that a mesh can take: a budget below that is not kept.
+    """
+    atlas = make_atlas(shape, texel)
+    while (over := atlas.width * atlas.height / budget) > 1:
+        larger = texel * max(np.sqrt(over), LEAST_GROWTH)
+        smaller = make_atlas(shape, larger)
+        if smaller.width * smaller.height >= atlas.width * atlas.height:
+            break
+        atlas, texel = smaller, larger
+    return atlas, texel
 
 
 def _look_down(caster: Raycaster, xy: Float[np.ndarray, "*p 2"]) -> Hits:

@@ -16,7 +16,7 @@ from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.surface.atlas import make_atlas
+from aug3d_core.surface.atlas import atlas_within
 from aug3d_core.surface.colour import Photographs, ground_sampling, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
@@ -108,7 +108,7 @@ def build(
     textured, charts = None, 0
     if config.colour == "texture":
         with clock.step("atlas"):
-            atlas = make_atlas(shape, detail)
+            atlas, detail = atlas_within(shape, detail, config.texel_budget)
             charts = atlas.charts
         with clock.step("texture"):
             textured = paint_texture(photographs, shape, rgb, atlas, config.photos_per_place, tick)

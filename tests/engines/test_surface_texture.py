@@ -12,7 +12,7 @@ from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.store.layout import image_name
-from aug3d_core.surface.atlas import GUTTER, make_atlas, pack
+from aug3d_core.surface.atlas import GUTTER, atlas_within, make_atlas, pack
 from aug3d_core.surface.colour import Photographs, paint_vertices
 from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.surface.shape import Shape, triangle_areas, triangle_normals
@@ -52,6 +52,21 @@ def test_every_triangle_has_texels_of_its_own(shape):
     np.testing.assert_allclose(back, np.column_stack([column, row]) + 0.5, atol=1e-3)
     assert atlas.xy.min() >= GUTTER - 1e-6
     assert (atlas.xy <= np.array([atlas.width, atlas.height]) - GUTTER + 1e-6).all()
+
+
+def test_a_budget_holds_however_many_charts_a_mesh_falls_into():
+    rng = np.random.default_rng(0)
+    loose = rng.uniform(0, 100, (400, 1, 3)) + rng.normal(
+        0, 1, (400, 3, 3)
+    )  # each triangle is a chart, most of it gutter
+    shape = Shape(loose.reshape(-1, 3), np.arange(1200, dtype=np.int32).reshape(-1, 3))
+    budget = 40_000
+    asked = float(np.sqrt(1.6 * triangle_areas(shape).sum() / budget))
+    plain = make_atlas(shape, asked)
+    atlas, texel = atlas_within(shape, asked, budget)
+    assert atlas.width * atlas.height <= budget < plain.width * plain.height and texel > asked
+    assert atlas_within(shape, 10 * asked, 10**9)[1] == 10 * asked, "nothing is coarser than it has to be"
+    assert atlas_within(shape, asked, 100)[0].charts == atlas.charts, "gutters alone take more than that: it ends"
 
 
 @settings(max_examples=30)
