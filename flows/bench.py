@@ -130,9 +130,8 @@ def _bench(
         console = Console(stderr=True)
         scene = Measured(preset, tuple(overrides))
         scene.config()  # a wrong setting is told before anything is measured
-        with Store(home).lock(
-            layout.BENCH, name, timeout_s=0
-        ):  # two would share a folder that the first to end removes
+        # Two would share a folder that the first to end removes
+        with Store(home).lock(layout.BENCH, name, timeout_s=0):
             unfinished = home / layout.BENCH / name
             with console.status("") as status:
                 found = measure(Store(unfinished), scene, _saying(status), console)

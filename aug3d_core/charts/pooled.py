@@ -36,4 +36,4 @@ def test_views(folders: Sequence[Path]) -> pd.DataFrame:
 
 
 def _digest(parts: Sequence[Any]) -> str:
-    return hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()[: len(str(parts[0]))]
+    return hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()

@@ -113,9 +113,8 @@ def _joined(rank: int, size: int, meeting: str) -> Iterator[Team]:
     if team.device.type == "cuda":
         torch.cuda.set_device(team.device)
     backend = "nccl" if team.device.type == "cuda" else "gloo"
-    os.environ.update(
-        NCCL_SOCKET_IFNAME="lo", GLOO_SOCKET_IFNAME="lo"
-    )  # all members are here: nobody else may listen in
+    # All members are on this machine: nobody else may listen in
+    os.environ.update(NCCL_SOCKET_IFNAME="lo", GLOO_SOCKET_IFNAME="lo")
     distributed.init_process_group(backend, init_method=f"file://{meeting}", rank=rank, world_size=size)
     try:
         yield team

@@ -45,8 +45,8 @@ def photo_table(photos: Sequence[Decoded]) -> pd.DataFrame:
         for photo_id, photo in enumerate(photos)
     ]
     table = pd.DataFrame(rows)
-    for rows in table.groupby("camera").indices.values():
-        table.loc[rows, "camera"] = _zoomed(table["camera"].iloc[rows[0]], table["focal_px"].to_numpy()[rows])
+    for camera, alike in table.groupby("camera").indices.items():
+        table.loc[alike, "camera"] = _zoomed(str(camera), table["focal_px"].to_numpy()[alike])
     return table.assign(time=pd.to_datetime(table["time"]).astype("datetime64[ms]"))
 
 
