@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -187,6 +189,33 @@ def test_a_killed_stage_resumes_and_a_plain_one_starts_afresh(tmp_path: Path) ->
         next((tmp_path / "home" / layout.OBJECTS / "fake").iterdir()).rename(tmp_path / f"away{resumable}")
 
 
+@pytest.mark.parametrize("resumable", [True, False])
+def test_what_killed_tries_cost_is_told_if_the_next_goes_on_with_it(tmp_path: Path, resumable: bool) -> None:
+    thread = threading.Thread(target=fail, args=(tmp_path, "slow"), kwargs={"resumable": resumable})
+    thread.start()
+    pid = wait_for_pid(tmp_path, "pid")
+    [spent] = wait_for(lambda: list((tmp_path / "home" / layout.WORK).glob(f"fake/*/{layout.SPENT}")))
+    told = json.loads(spent.read_bytes())
+    assert 1 < told["seconds"] < 100 and told["cpu_seconds"] > 0 and told["peak_mib"] > 5
+    os.kill(pid, signal.SIGKILL)
+    thread.join()
+    if resumable:
+        spent.write_text(json.dumps({**told, "seconds": 1000.0, "cpu_seconds": 500.0}))
+    record = run(tmp_path, "slow", resumable=resumable)
+    assert (record.seconds > 1000) is resumable
+    assert record.cpu_seconds is not None and (record.cpu_seconds > 500) is resumable
+    assert not list((tmp_path / "home" / layout.OBJECTS).glob(f"fake/*/{layout.SPENT}*"))
+
+
+@pytest.mark.parametrize("torn", ["", "[1]", '{"seconds": 1}'])
+def test_a_torn_note_of_what_was_spent_is_no_obstacle(tmp_path: Path, torn: str) -> None:
+    stage, store = fake_stage(tmp_path, resumable=True), Store(tmp_path / "home")
+    work = store.work_dir("fake", key_of(stage, FakeConfig(), {}))
+    work.mkdir(parents=True)
+    (work / layout.SPENT).write_text(torn)
+    assert make(store, stage, FakeConfig(), {}, lambda *_: None).seconds < 100
+
+
 def test_killing_the_factory_kills_its_stages(tmp_path: Path) -> None:
     fake_stage(tmp_path)
     code = f"""
@@ -228,6 +257,14 @@ def test_a_full_disk_is_named_and_loses_nothing(tmp_path: Path, small_disk: Path
         shutil.rmtree(store.root / layout.WORK / "fake")
     else:
         assert make(store, stage, FakeConfig(do="slow"), {}, lambda *_: None).metrics["figure"] == 1.5
+
+
+def wait_for(found: Callable[[], list[Path]]) -> list[Path]:
+    for _ in range(1200):
+        if paths := found():
+            return paths
+        time.sleep(0.05)
+    raise AssertionError("it did not come to be")
 
 
 def wait_for_pid(tmp_path: Path, name: str) -> int:

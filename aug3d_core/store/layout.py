@@ -41,6 +41,7 @@ LOG = "log.txt"
 OUTCOME = "outcome.json"
 ERROR = "error.json"
 PROGRESS = "progress.json"
+SPENT = "spent.json"
 EARLIER = "earlier"
 GONE = ".gone-"  # begins the name of an object that is being deleted
 
