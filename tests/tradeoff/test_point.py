@@ -102,3 +102,14 @@ def test_how_far_below_is_of_the_same_photographs_and_seeds() -> None:
     assert skewed.interval[0] <= skewed.db <= skewed.interval[1], "an interval is of what it stands beside"
     alone = below(judged("low", {0: [11.0, 14.0]}), judged("top", {0: [12.0, 15.0]}))
     assert alone is not None and alone.db == pytest.approx(1.0) and alone.interval is None, "one seed has no interval"
+
+
+def test_other_tests_are_compared_on_what_they_share_if_that_is_enough() -> None:
+    top = judged("top", {0: [20.0, 21.0, 22.0, 23.0]})  # of photographs 0 to 3
+    of_three = judged("low", {0: [19.0, 20.0, 21.0]})
+    apart = below(of_three, top)
+    assert apart is not None and apart.db == pytest.approx(1.0)
+    assert below(judged("low", {0: [19.0, 20.0]}), top) is None, "two photographs of another test say nothing"
+    assert below(judged("low", {0: [19.0, 20.0]}), judged("top", {0: [20.0, 21.0]})) is not None, (
+        "they are all there are"
+    )
