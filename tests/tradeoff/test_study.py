@@ -20,6 +20,7 @@ from aug3d_core.tradeoff.arm import FACTORY
 from aug3d_core.tradeoff.findings import against_best, as_json, crashes, search_against_grid, table
 from aug3d_core.tradeoff.point import Point, below, on_front
 from aug3d_core.tradeoff.scene import open_scene
+from aug3d_core.tradeoff.search import Search
 from aug3d_core.tradeoff.setting import AS_THE_PAPER
 from aug3d_core.tradeoff.study import Studied, study_scene
 from aug3d_core.tradeoff.write import write_study
@@ -46,9 +47,21 @@ def test_the_cheapest_that_is_enough_is_on_the_front_and_the_search_ends_at_it(
     assert found.search.reached.psnr_db >= found.target_db
     judged = search_against_grid(found)
     assert judged["search_regret_db"] is not None and judged["search_regret_db"] <= 0.2
+    assert regret_of(found, 30.0) == 0, "what ends above the grid's choice is not below it"
+    assert regret_of(found, 20.0) == pytest.approx(regret_of(found, 20.5) + 0.5) and regret_of(found, 20.5) > 1
     repeated = {point.arm.label: len(point.results) for point in found.factory}
     assert repeated[found.best.arm.label] == repeated[found.chosen.arm.label] == 2 > min(repeated.values())
     assert not any(stages.grew), "no time is flattered by what earlier runs made"
+
+
+def regret_of(found: Studied, psnr_db: float) -> float:
+    """Return how far the search of a study is told to be below the grid if it ends at so many dB."""
+    assert found.search is not None and found.search.found is not None
+    ended = found.search.found
+    other = Search(found.search.target_db, [replace(ended, tried=replace(ended.tried, psnr_db=psnr_db))])
+    regret = search_against_grid(replace(found, search=other))["search_regret_db"]
+    assert regret is not None
+    return regret
 
 
 @pytest.mark.usefixtures("stages")
