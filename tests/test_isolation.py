@@ -200,10 +200,10 @@ def test_what_killed_tries_cost_is_told_if_the_next_goes_on_with_it(tmp_path: Pa
     os.kill(pid, signal.SIGKILL)
     thread.join()
     if resumable:
-        spent.write_text(json.dumps({**told, "seconds": 1000.0, "cpu_seconds": 500.0}))
+        spent.write_text(json.dumps({"seconds": 1000.0, "cpu_seconds": 500.0, "peak_mib": 9000.0}))
     record = run(tmp_path, "slow", resumable=resumable)
-    assert (record.seconds > 1000) is resumable
-    assert record.cpu_seconds is not None and (record.cpu_seconds > 500) is resumable
+    assert record.cpu_seconds is not None
+    assert {record.seconds > 1000, record.cpu_seconds > 500, record.peak_mib == 9000} == {resumable}
     assert not list((tmp_path / "home" / layout.OBJECTS).glob(f"fake/*/{layout.SPENT}*"))
 
 
