@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 Mark = Literal["", "preset", "auto", "chosen"]
@@ -19,8 +21,10 @@ FRONT, FLOOR = "#94a3b8", "#dc2626"
 _SHAPES: dict[Mark, str] = {"": "o", "preset": "o", "auto": "^", "chosen": "*"}
 _COLUMNS = 3
 _MOST_TICKS = 6
+_NARROW, _BESIDE = 8.0, 1.05  # the last of an axis's values over the first; what an axis has of room, the same way
 _LABEL_WIDE, _LABEL_HIGH = 0.35, 0.1  # of the panel: labels nearer than this would cover each other
 _NUMBER_WIDE = 0.03
+_MOST_NAMED, _KEY_WIDE = 20, 75
 _ROOM, _LEAST_ROOM = 0.2, 0.02  # beyond the highest and the lowest dot
 _AHEAD, _LEAST_S = 1.3, 1e-3
 
@@ -47,7 +51,7 @@ class Dot:
 class Panel:
     """What is charted together.
 
-    labelled: whether each dot has its label beside it; else what is marked and the front have numbers, and a key tells them.
+    labelled: whether each dot has its label beside it; else dots have numbers, and a key tells them.
     """
 
     title: str
@@ -70,9 +74,19 @@ class Panel:
 
     @property
     def named(self) -> list[Dot]:
-        """The dots that the chart tells by name, fastest first."""
-        front = self.on_front
-        return sorted((d for d in self.done if self.labelled or d.mark or d in front), key=lambda d: d.seconds)
+        """The dots that the chart tells by name, fastest first: where there are many, the front and what is marked."""
+        all_of_them, front = self.labelled or len(self.done) <= _MOST_NAMED, self.on_front
+        return sorted((d for d in self.done if all_of_them or d.mark or d in front), key=lambda d: d.seconds)
+
+    @property
+    def labels(self) -> list[tuple[Dot, list[str]]]:
+        """What is written where: names or numbers, those of dots that lie close together at one of them."""
+        named = self.named
+        texts = [dot.label if self.labelled else str(number) for number, dot in enumerate(named, start=1)]
+        accuracy = np.array([dot.accuracy or 0.0 for dot in named])
+        x = np.log(np.maximum([dot.seconds for dot in named], _LEAST_S))
+        together = near(x, np.log(accuracy) if self.log_y else accuracy, _LABEL_WIDE if self.labelled else _NUMBER_WIDE)
+        return [(named[group[0]], [texts[i] for i in group]) for group in together]
 
     @property
     def heights(self) -> list[float]:
@@ -110,7 +124,7 @@ def front(seconds: Sequence[float], gain: Sequence[float]) -> list[int]:
     return chosen
 
 
-def near(x: ArrayLike, y: ArrayLike, wide: float = _LABEL_WIDE) -> list[list[int]]:
+def near(x: ArrayLike, y: ArrayLike, wide: float) -> list[list[int]]:
     """Return the points in groups that lie too close together on a panel for a label each."""
     at = np.column_stack([x, y]).astype(float)
     at = (at - at.min(axis=0, initial=np.inf)) / np.maximum(np.ptp(at, axis=0) if len(at) else 1.0, 1e-9)
@@ -130,7 +144,10 @@ def near(x: ArrayLike, y: ArrayLike, wide: float = _LABEL_WIDE) -> list[list[int
 def ticks(values: Sequence[float]) -> list[float]:
     """Return round numbers about and among positive values for a logarithmic axis, few enough to be read."""
     low, high = min(values), max(values)
-    for steps in ((1, 3), (1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 8), tuple(np.arange(10, 100) / 10)):
+    if high < _NARROW * low:
+        locator = MaxNLocator(_MOST_TICKS - 2, steps=[1, 2, 5, 10])
+        return [tick for tick in locator.tick_values(low / _BESIDE, high * _BESIDE) if tick > 0]
+    for steps in ((1, 3), (1, 2, 5)):
         decades = 10.0 ** np.arange(np.floor(np.log10(low)) - 1, np.ceil(np.log10(high)) + 2)
         series = np.sort(np.outer(decades, steps).ravel())
         first, last = np.searchsorted(series, low, "right") - 1, np.searchsorted(series, high)
@@ -141,7 +158,7 @@ def ticks(values: Sequence[float]) -> list[float]:
 
 
 def draw(panels: Sequence[Panel], title: str, path: Path) -> None:
-    """Write the chart as PNG: panels in columns, but one that is alone or not labelled as wide as all."""
+    """Write the chart as PNG: panels in columns, but one that is alone, or has a key, as wide as all."""
     wide = [panel for panel in panels if not panel.labelled or len(panels) == 1]
     small = [panel for panel in panels if panel not in wide]
     columns = _COLUMNS if wide else min(len(small), _COLUMNS)
@@ -152,14 +169,15 @@ def draw(panels: Sequence[Panel], title: str, path: Path) -> None:
     heights = [5.6] * len(wide) + [3.9] * rows
     grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
     for row, panel in enumerate(wide):
-        # The names of whole configurations are long
-        _panel(figure.add_subplot(grid[row, :]), panel, _LABEL_WIDE / columns if panel.labelled else _LABEL_WIDE)
+        _panel(figure.add_subplot(grid[row, :] if panel.labelled else grid[row, :-1]), panel)
+        if not panel.labelled:
+            _key(figure.add_subplot(grid[row, -1]), panel)
     for index, panel in enumerate(small):
         _panel(figure.add_subplot(grid[len(wide) + index // columns, index % columns]), panel)
     figure.savefig(path, dpi=110, metadata={"Software": None})
 
 
-def _panel(axes: Axes, panel: Panel, label_wide: float = _LABEL_WIDE) -> None:
+def _panel(axes: Axes, panel: Panel) -> None:
     axes.set(title=panel.title, xlabel="processor seconds", xscale="log")
     axes.set_ylabel(panel.axis_name, size=8)
     _heights(axes, panel)
@@ -167,7 +185,7 @@ def _panel(axes: Axes, panel: Panel, label_wide: float = _LABEL_WIDE) -> None:
     axes.step([d.seconds for d in best], [d.accuracy or 0.0 for d in best], where="post", color=FRONT, zorder=1)
     for dot in panel.done:
         _dot(axes, dot)
-    _labels(axes, panel, label_wide)
+    _labels(axes, panel)
     _floor(axes, panel)
     axes.set_xticks(ticks(panel.span_s))
     axes.xaxis.set_major_formatter("{x:g}")
@@ -203,22 +221,19 @@ def _dot(axes: Axes, dot: Dot) -> None:
     axes.scatter(dot.seconds, y, s=size, marker=_SHAPES[dot.mark], facecolor=face, edgecolor=colour, zorder=3)
 
 
-def _labels(axes: Axes, panel: Panel, wide: float) -> None:
-    """Write labels beside dots, or numbers and what they stand for; dots that lie close together share one."""
-    named = panel.named
-    seconds, accuracy = [dot.seconds for dot in named], [dot.accuracy or 0.0 for dot in named]
-    texts = [dot.label if panel.labelled else str(number) for number, dot in enumerate(named, start=1)]
-    heights = np.log(accuracy) if panel.log_y else accuracy
-    between = "\n" if panel.labelled else ", "
-    for together in near(np.log(np.maximum(seconds, _LEAST_S)), heights, wide if panel.labelled else _NUMBER_WIDE):
-        at = seconds[together[0]], accuracy[together[0]]
-        axes.annotate(between.join(texts[i] for i in together), at, (5, 5), textcoords="offset points", size=7)
-    if not panel.labelled:
-        key = [
-            f"{text}  {dot.label}: {dot.accuracy:.4g} in {dot.seconds:,.0f} s"
-            for text, dot in zip(texts, named, strict=True)
-        ]
-        axes.text(0.99, 0.02, "\n".join(key), transform=axes.transAxes, size=7, ha="right", va="bottom", ma="left")
+def _labels(axes: Axes, panel: Panel) -> None:
+    """Write names beside dots, or numbers."""
+    for dot, texts in panel.labels:
+        said, at = ("\n" if panel.labelled else ", ").join(texts), (dot.seconds, dot.accuracy or 0.0)
+        axes.annotate(said, at, (5, 5), textcoords="offset points", size=7)
+
+
+def _key(axes: Axes, panel: Panel) -> None:
+    """Write what the numbers stand for."""
+    told = [f"{dot.label}: {dot.accuracy:#.4g} in {dot.seconds:,.0f} s" for dot in panel.named]
+    lines = [fill(f"{i}  {text}", _KEY_WIDE, subsequent_indent="    ") for i, text in enumerate(told, start=1)]
+    axes.axis("off")
+    axes.text(-0.1, 0.5, "\n".join(lines), size=7, va="center", linespacing=1.4, in_layout=False)
 
 
 def _floor(axes: Axes, panel: Panel) -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from aug3d_core.charts.front import COLOURS, FLOOR, FRONT, Dot, Mark, Panel, ticks
+from aug3d_core.charts.html import duration, table, tag
 
 _SHAPES: dict[Mark, str] = {"": "circle", "preset": "circle", "auto": "triangle-up", "chosen": "star"}
 _CALLED: dict[Mark, str] = {"": "tried", "preset": "as the scene has it", "auto": "auto", "chosen": "chosen"}
 _FLOOR_SHARE = 0.08  # of the height: how far below everything else failures lie
 _ROOM, _LEAST_ROOM = 0.08, 0.02
+_LABEL_ROOM = 0.35  # right of the last dot
 
 
 def script() -> str:
@@ -39,7 +42,37 @@ def panel_html(panel: Panel) -> str:
         for off in (False, True):
             _dots(figure, mark, [dot for dot in panel.done if dot.mark == mark and dot.off == off], off)
     _failures(figure, panel)
-    return figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
+    _labels(figure, panel)
+    chart = figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
+    return chart if panel.labelled else chart + _key(panel)
+
+
+def _labels(figure: go.Figure, panel: Panel) -> None:
+    for dot, texts in panel.labels:
+        y = dot.accuracy or 0.0
+        figure.add_annotation(
+            x=np.log10(dot.seconds), y=np.log10(y) if panel.log_y else y, xshift=4, yshift=3, showarrow=False,
+            text=("<br>" if panel.labelled else ", ").join(map(escape, texts)), font={"size": 10}, align="left",
+            xanchor="left", yanchor="bottom",
+        )  # fmt: skip
+
+
+def _key(panel: Panel) -> str:
+    """Return the table of what the numbers stand for."""
+    best = panel.on_front
+    rows = [
+        (
+            str(number),
+            tag("span", escape(dot.label), style="white-space:normal"),
+            "-" if dot.accuracy is None else f"{dot.accuracy:#.4g}",
+            duration(dot.seconds),
+            str(max(len(dot.repeats), 1)),
+            "nothing" if dot in best else "",
+        )
+        for number, dot in enumerate(panel.named, start=1)
+    ]
+    heads = ("", "", escape(panel.accuracy_name), "processor time", "seeds", "is faster and as good")
+    return table(heads, rows, numeric=(0, 2, 3, 4))
 
 
 def _layout(panel: Panel) -> go.Layout:
@@ -52,7 +85,7 @@ def _layout(panel: Panel) -> go.Layout:
             "title": "processor seconds",
             "type": "log",
             "tickvals": ticks(panel.span_s),
-            "range": _range(panel.span_s, log=True),
+            "range": _range(panel.span_s, log=True, right=_LABEL_ROOM if panel.labelled else _ROOM),
         },
         yaxis={
             "title": {"text": panel.axis_name, "font": {"size": 11}},
@@ -64,11 +97,11 @@ def _layout(panel: Panel) -> go.Layout:
     )
 
 
-def _range(values: Sequence[float], log: bool) -> list[float]:
+def _range(values: Sequence[float], log: bool, right: float = _ROOM) -> list[float]:
     """Return the ends of an axis with some room; plotly takes those of a log axis as exponents."""
     shown = np.log10(values) if log else np.asarray(values)
-    room = max(_ROOM * float(np.ptp(shown)), _LEAST_ROOM)
-    return [float(shown.min()) - room, float(shown.max()) + room]
+    below, above = (max(share * float(np.ptp(shown)), _LEAST_ROOM) for share in (_ROOM, right))
+    return [float(shown.min()) - below, float(shown.max()) + above]
 
 
 def _floor(panel: Panel) -> float:
@@ -88,7 +121,7 @@ def _dots(figure: go.Figure, mark: Mark, dots: Sequence[Dot], off: bool) -> None
         y=[dot.accuracy for dot in dots],
         mode="markers",
         name=f"{_CALLED[mark]}, another test" if off else _CALLED[mark],
-        text=[dot.hover or dot.label for dot in dots],
+        text=[dot.hover or escape(dot.label) for dot in dots],
         hovertemplate="%{text}<extra></extra>",
         marker={
             "size": 16 if mark == "chosen" else 10,

@@ -31,7 +31,7 @@ svg .tick{fill:var(--dim);font-size:12px}
 svg .value{fill:var(--dim)}svg .strong{font-weight:650;fill:var(--ink)}
 .bar.main{fill:var(--main)}.bar.other{fill:var(--other)}
 .whisker{stroke:var(--ink);stroke-width:1.6;fill:none}
-.grid{stroke:var(--line);fill:none}.line{stroke:var(--main);stroke-width:2;fill:none;stroke-linejoin:round}
+.grid{stroke:var(--line);fill:none}path.line{stroke:var(--main);stroke-width:2;fill:none;stroke-linejoin:round}
 .dot{fill:var(--main)}
 .scroll{overflow-x:auto;background:var(--card);border:1px solid var(--line);border-radius:12px}
 table{border-collapse:collapse;width:100%;font-size:.9rem}

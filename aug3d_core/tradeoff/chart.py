@@ -12,6 +12,8 @@ from aug3d_core.tradeoff.findings import panels
 from aug3d_core.tradeoff.point import Point, below, best
 from aug3d_core.tradeoff.study import Studied
 
+_MOST_LABELS = 6  # more would cover each other
+
 
 def charts(found: Studied) -> list[Panel]:
     """Return a panel for the whole factory, and one for each setting."""
@@ -21,7 +23,10 @@ def charts(found: Studied) -> list[Panel]:
 def _panel(points: Sequence[Point], chosen: Point | None) -> Panel:
     judge, top = points[0].arm.judge, best(points)
     dots = tuple(_dot(point, chosen, top) for point in points)
-    return Panel(points[0].arm.panel, judge.name, judge.lower_is_better, dots, labelled=points[0].arm.panel != FACTORY)
+    whole = points[0].arm.panel == FACTORY
+    return Panel(
+        points[0].arm.panel, judge.name, judge.lower_is_better, dots, not whole and len(points) <= _MOST_LABELS
+    )
 
 
 def _dot(point: Point, chosen: Point | None, top: Point | None) -> Dot:

@@ -12,11 +12,12 @@ from aug3d_core.charts.story import COSTS, GAINS, NEEDS
 from aug3d_core.tradeoff.arm import FACTORY
 from aug3d_core.tradeoff.chart import charts
 from aug3d_core.tradeoff.findings import against_best, cache, decisions, search_against_grid
-from aug3d_core.tradeoff.point import Point, on_front
+from aug3d_core.tradeoff.point import Point
 from aug3d_core.tradeoff.study import Studied
 
 # A chart is drawn as soon as it is read, so a column has its width before the next chart is there: auto-fill, not auto-fit.
 _CURVES = "grid-template-columns:repeat(auto-fill,minmax(min(100%,420px),1fr))"
+_WIDE = {True: "", False: "grid-column:1/-1"}  # by whether each dot has its label beside it
 
 
 def write_page(found: Studied, machine: str, out: Path) -> None:
@@ -35,16 +36,18 @@ def write_page(found: Studied, machine: str, out: Path) -> None:
 
 def chapters(found: Studied) -> dict[str, str]:
     """Return what the study tells, by chapter of the story."""
-    drawn = [(panel.title, tag("div", panel_html(panel), class_="card")) for panel in charts(found)]
-    whole = "".join(card for title, card in drawn if title == FACTORY)
-    cards = "".join(card for title, card in drawn if title != FACTORY)
+    drawn = {
+        panel.title: tag("div", panel_html(panel), class_="card", style=_WIDE[panel.labelled])
+        for panel in charts(found)
+    }
+    whole = drawn.pop(FACTORY, "")
+    cards = "".join(drawn.values())
     settings = tag("h3", "Every setting") + tag("div", cards, class_="curves", style=_CURVES) if cards else ""
     if not whole:  # chosen panels alone
         return {GAINS: settings}
     gains = [
         tag("p", escape(in_words(found))),
         whole,
-        _front(found),
         settings,
         tag("h3", "The cheapest configuration, without trying everything"),
         _search(found),
@@ -92,21 +95,6 @@ def _shares(found: Studied) -> str:
     return table(("stage", *named), [*rows, (tag("b", "all"), *totals)], numeric=range(1, len(named) + 1))
 
 
-def _front(found: Studied) -> str:
-    rows = [
-        (
-            tag("span", escape(point.arm.label), style="white-space:normal"),
-            duration(point.cpu_seconds),
-            _db(point.accuracy),
-            str(len(point.results)),
-        )
-        for point in on_front(found.whole)
-    ]
-    return tag("p", "Nothing that was tried is both faster and more accurate than these:") + table(
-        ("configuration", "processor time", "PSNR (dB)", "seeds"), rows, numeric=(1, 2, 3)
-    )
-
-
 def in_words(found: Studied) -> str:
     """Say what was found in a sentence or two."""
     best, chosen = found.best, found.chosen
@@ -145,21 +133,25 @@ def _auto(found: Studied) -> str:
     auto, ratios = found.auto, against_best(found)
     if auto is None:
         return ""
-    if ratios["auto_regret_db"] is None or ratios["auto_time_ratio"] is None:
+    beside, share = _beside_the_best(ratios), ratios["auto_time_ratio"]
+    if not beside or share is None:
         why = auto.results[0].trial.failure or "its test has too few photographs in common with the others'"
         return tag("p", escape(f"auto cannot be compared: {why}.")) + _decisions(found)
-    said = (
-        f"auto reaches {_db(auto.accuracy)} dB in {duration(auto.cpu_seconds)}: {ratios['auto_regret_db']:+.2f} dB"
-        f"{_between(ratios)} below the best that was tried, in {percent(ratios['auto_time_ratio'])} of its time."
-    )
+    said = f"auto reaches {_db(auto.accuracy)} dB in {duration(auto.cpu_seconds)}: {beside}, in {percent(share)} of its time."
     if found.quick:
         said += " Everything was trained for seconds, to have a look: neither says what full training would."
     return tag("p", escape(said)) + _decisions(found)
 
 
-def _between(ratios: Mapping[str, float | None]) -> str:
-    low, high = ratios["auto_regret_low_db"], ratios["auto_regret_high_db"]
-    return "" if low is None or high is None else f" [{low:.2f}, {high:.2f}]"
+def _beside_the_best(ratios: Mapping[str, float | None]) -> str:
+    """Say how far `auto` is below the best, nothing where that is not known."""
+    regret, low, high = (ratios[f"auto_regret_{name}db"] for name in ("", "low_", "high_"))
+    if regret is None:
+        return ""
+    sign, where = (-1, "above") if regret < 0 else (1, "below")
+    ends = sorted(sign * end for end in (low, high) if end is not None)
+    between = f" [{ends[0]:.2f}, {ends[1]:.2f}]" if ends else ""
+    return f"{sign * regret:.2f} dB {where} the best that was tried{between}"
 
 
 def _decisions(found: Studied) -> str:

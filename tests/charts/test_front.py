@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +35,12 @@ def test_nothing_beats_the_front_and_the_front_beats_the_rest(points: list[tuple
 
 @given(st.lists(st.tuples(numbers, numbers), max_size=20))
 def test_every_point_is_labelled_once(points: list[tuple[float, float]]) -> None:
-    groups = near([p[0] for p in points], [p[1] for p in points])
+    groups = near([p[0] for p in points], [p[1] for p in points], 0.35)
     assert sorted(i for group in groups for i in group) == list(range(len(points)))
 
 
 def test_points_in_one_place_share_a_label() -> None:
-    assert sorted(map(sorted, near([1, 1.01, 5], [2, 2.01, 9]))) == [[0, 1], [2]]
+    assert sorted(map(sorted, near([1, 1.01, 5], [2, 2.01, 9], 0.35))) == [[0, 1], [2]]
 
 
 @given(st.lists(numbers, min_size=1, max_size=8))
@@ -52,7 +53,9 @@ def test_ticks_are_few_and_near_the_values(values: list[float]) -> None:
 
 
 def test_ticks_of_a_narrow_range_are_round_numbers_within_reach_of_it() -> None:
-    assert ticks([54, 112]) == [50, 60, 80, 100, 150]
+    assert ticks([54, 112]) == [40, 60, 80, 100, 120]
+    assert ticks([87, 140]) == [80, 100, 120, 140, 160], "one distance, on both sides of a hundred"
+    assert ticks([0.0024, 0.0029]) == pytest.approx([0.0022, 0.0024, 0.0026, 0.0028, 0.003, 0.0032])
     assert ticks([1, 1000]) == [1, 10, 100, 1000]
 
 
@@ -85,6 +88,29 @@ def test_a_panel_of_failures_alone_is_drawn(tmp_path: Path) -> None:
     panel = Panel("broken", "error", True, DOTS[-1:])
     draw([panel], "title", tmp_path / "chart.png")
     assert "failed" in panel_html(panel)
+
+
+def test_where_labels_would_cover_each_other_numbers_stand_for_names() -> None:
+    beside, keyed = PANELS[1], PANELS[0]
+    assert sorted(sorted(texts) for _, texts in beside.labels) == [["elsewhere"], ["picked", "usual"], ["small"]]
+    assert sorted(texts for _, texts in keyed.labels) == [["1"], ["2"], ["3"], ["4"]]
+    page = panel_html(keyed)
+    rows = [re.findall(r"<td[^>]*>(?:<span[^>]*>)?([^<]*)", row) for row in page.split("<tr>")[2:]]
+    assert [row[:3] + row[4:] for row in rows] == [
+        ["1", "elsewhere", "0.01000", "2", ""],
+        ["2", "small", "0.2000", "2", "nothing"],
+        ["3", "usual", "0.1000", "2", ""],
+        ["4", "picked", "0.09000", "2", ""],
+    ]
+    assert "<table" not in panel_html(beside)
+
+
+def test_of_many_dots_the_front_and_the_marked_are_named() -> None:
+    many = tuple(dot(str(i), 10 + i, 5.0 - (i > 0) - 0.1 * i) for i in range(30))
+    panel = Panel("all of it", "PSNR", False, (*many, dot("auto", 50, 1.0, mark="auto")), labelled=False)
+    assert [one.label for one in panel.named] == ["0", "auto"]
+    few = Panel("all of it", "PSNR", False, many[:20], labelled=False)
+    assert len(few.named) == 20
 
 
 @pytest.mark.parametrize("panel", PANELS, ids=lambda panel: panel.title)
