@@ -34,8 +34,8 @@ def photo_px(known: Known) -> Decision:
         rule=f"{_PHOTO_OVER_VIEW} times the views' width, at least {_LEAST_PHOTO_PX} px; with fewer than {FEW_PHOTOS}"
         f" photographs not less than the preset's {preset} px",
         saves=f"{1 - share:.0%} of the pixels of photographs of {preset} px" if share < 1 else "",
-        costs="the town's cameras are 0.009 % of its extent off in place of 0.005 %; with 480 px 3 of ochota's 115 photographs"
-        " could not be placed any more"
+        costs="the town's cameras are 0.004 % of its extent off in place of 0.0025 %; with 480 px 3 of ochota's 115"
+        " photographs could not be placed any more"
         if share < 1
         else "",
     )
@@ -66,9 +66,9 @@ def first_octave(known: Known) -> Decision | None:
         measured=f"{photos} photographs of {known.photo_px} px",
         rule=f"0: as large as they are, which finds about one feature for each 15 x 15 px; as the preset with fewer than"
         f" {FEW_PHOTOS} photographs",
-        saves="three quarters of the pixels that are searched, and the smallest half of the features; of the town's poses half"
-        " the time",
-        costs="the town's cameras are 0.039 % of its extent off in place of 0.024 %: a twelfth of a view's pixel",
+        saves="three quarters of the pixels that are searched, and the smallest half of the features; of the town's poses two"
+        " thirds of the time",
+        costs="the town's cameras are 0.016 % of its extent off in place of 0.004 %: a twentieth of a view's pixel",
     )
 
 
