@@ -145,8 +145,9 @@ def ticks(values: Sequence[float]) -> list[float]:
     """Return round numbers about and among positive values for a logarithmic axis, few enough to be read."""
     low, high = min(values), max(values)
     if high < _NARROW * low:
-        locator = MaxNLocator(_MOST_TICKS - 2, steps=[1, 2, 5, 10])
-        return [tick for tick in locator.tick_values(low / _BESIDE, high * _BESIDE) if tick > 0]
+        low, high = low / _BESIDE, high * _BESIDE
+        found = MaxNLocator(_MOST_TICKS - 2, steps=[1, 2, 5, 10]).tick_values(low, high)
+        return [tick for tick in found if low <= tick <= high]
     for steps in ((1, 3), (1, 2, 5)):
         decades = 10.0 ** np.arange(np.floor(np.log10(low)) - 1, np.ceil(np.log10(high)) + 2)
         series = np.sort(np.outer(decades, steps).ravel())

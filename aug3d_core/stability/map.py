@@ -40,7 +40,7 @@ def margin(judge: Judge, accuracy: float | None) -> float:
         good = accuracy - judge.mark if judge.better == "higher" else judge.mark - accuracy
         return max(-1.0, min(1.0, good)) or (0.0 if judge.broken(accuracy) else 0.5)
     ratio = accuracy / judge.mark if judge.better == "higher" else judge.mark / accuracy
-    return max(-1.0, min(1.0, math.log2(ratio)))
+    return math.log2(max(0.5, min(2.0, ratio)))
 
 
 def draw(found: Findings, path: Path) -> None:

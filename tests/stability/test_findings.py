@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -63,6 +63,7 @@ def test_alarms_and_crashes_are_counted_apart() -> None:
 
 
 @given(st.floats(0.01, 100), st.floats(0, 100), st.floats(0, 100), st.sampled_from(("higher", "lower")))
+@example(2.0, 0.0, 5e-324, "higher")
 def test_the_colour_turns_at_the_mark_and_the_better_is_never_paler(
     mark: float, accuracy: float, other: float, better
 ) -> None:
