@@ -234,7 +234,7 @@ def _key(axes: Axes, panel: Panel) -> None:
     told = [f"{dot.label}: {dot.accuracy:#.4g} in {dot.seconds:,.0f} s" for dot in panel.named]
     lines = [fill(f"{i}  {text}", _KEY_WIDE, subsequent_indent="    ") for i, text in enumerate(told, start=1)]
     axes.axis("off")
-    axes.text(-0.1, 0.5, "\n".join(lines), size=7, va="center", linespacing=1.4, in_layout=False)
+    axes.text(0.02, 0.5, "\n".join(lines), size=7, va="center", linespacing=1.4, in_layout=False)
 
 
 def _floor(axes: Axes, panel: Panel) -> None:

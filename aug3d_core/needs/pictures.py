@@ -1,6 +1,6 @@
 """How large pictures have to be: all is measured against the views that are to be predicted, whose size the user sets.
 
-What the rules may cost was measured on the built-in town at 640 px, whose views have 96 px (`docs/geometry_cost.png`).
+What the rules may cost was measured on the built-in town at 640 px, whose views have 96 px (`docs/settings.png`).
 """
 
 from __future__ import annotations
