@@ -26,7 +26,7 @@ def write_study(store: Store, found: Studied, machine: str) -> Path:
     table(found).to_parquet(folder / layout.STUDY_SCORES, index=False)
     draw(charts(found), _title(found, machine), folder / layout.STUDY_CHART)
     write_page(found, machine, folder / layout.STUDY_PAGE)
-    size = "quick size" if found.quick else f"{found.seeds} seeds"
+    size = "quick size" if found.quick else _seeds(found)
     tell(store, folder, Part(about=f"{found.scene.name}: time against accuracy, {size}", chapters=chapters(found)))
     return folder
 
@@ -34,9 +34,12 @@ def write_study(store: Store, found: Studied, machine: str) -> Path:
 def _title(found: Studied, machine: str) -> str:
     state = cache(found.results)
     settings = fill(" ".join(found.scene.own.overrides), _WIDE)
-    seeds = "one seed" if found.seeds == 1 else f"medians of up to {found.seeds} seeds"
     return (
-        f"{found.scene.name}, preset {found.scene.own.preset}; {seeds}; "
+        f"{found.scene.name}, preset {found.scene.own.preset}; {_seeds(found)}; "
         f"{state['found_made']} of {state['outputs']} outputs found made\n{settings}\n{machine}\n"
         "orange: as the scene has it, triangle: auto, star: the cheapest that is enough, hollow: another test"
     )
+
+
+def _seeds(found: Studied) -> str:
+    return "one seed" if found.seeds == 1 else f"medians of up to {found.seeds} seeds"
