@@ -3,4 +3,4 @@
 `stages.py` lists the stages in the order of the data; each package below does one of them.
 """
 
-__version__ = "0.5.0"
+__version__ = "0.6.0"
