@@ -11,6 +11,7 @@ import ast
 import hashlib
 import importlib.util
 import json
+import sys
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import lru_cache
@@ -21,6 +22,7 @@ from aug3d_core.stage import Stage, StageConfig
 
 _digests: dict[str, tuple[dict[Path, int], str]] = {}  # module -> its files' times, digest of them
 _GPU_BUILDS = {"pycolmap": ("pycolmap-cuda12",)}
+_NONE = "none"  # the version of what is not installed
 
 
 def object_key(stage: Stage, config: StageConfig, input_digests: Mapping[str, str]) -> str:
@@ -69,19 +71,21 @@ def engine_versions(stage: Stage, config: StageConfig) -> dict[str, str]:
 
 
 def _version(build: str) -> str:
+    # Whoever installs or removes a distribution writes to a folder of the path
+    return _version_told(build, tuple(_changed_at(map(Path, sys.path)).values()))
+
+
+@lru_cache
+def _version_told(build: str, _changed_at_ns: tuple[int, ...]) -> str:
     try:
         return version(build)
     except PackageNotFoundError:
-        return "none"  # the stage says what is to be installed
+        return _NONE  # the stage says what is to be installed
 
 
 def _installed_build(engine: str) -> str:
     """Return the distribution that provides an engine: its GPU build where that is installed."""
-    for build in _GPU_BUILDS.get(engine, ()):
-        with suppress(PackageNotFoundError):
-            version(build)
-            return build
-    return engine
+    return next((build for build in _GPU_BUILDS.get(engine, ()) if _version(build) != _NONE), engine)
 
 
 def code_digest(module: str) -> str:
@@ -100,8 +104,12 @@ def code_digest(module: str) -> str:
 
 
 def _changed_at(files: Iterable[Path]) -> dict[Path, int]:
-    """Return when each of the files that are there was last written, ns."""
-    return {file: file.stat().st_mtime_ns for file in files if file.is_file()}
+    """Return when each of the files and folders that are there was last written, ns."""
+    times = {}
+    for file in files:
+        with suppress(OSError):
+            times[file] = file.stat().st_mtime_ns
+    return times
 
 
 def _import_closure(module: str) -> set[str]:

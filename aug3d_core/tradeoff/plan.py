@@ -22,6 +22,8 @@ from aug3d_core.tradeoff.setting import (
 
 # Nothing is drawn: a study has many models, and looks at none of them.
 NOT_DRAWN = ("evaluation.panels=0", "evaluation.flythrough_frames=0")
+# A look tests one model for each configuration, however few photographs: folds would cost three or four times as much.
+ONE_FOLD = ("grouping.folds=1",)
 _SEEDED = ("training.seed",)
 # What the whole factory is tried with, each with each; the same values as setting by setting, so that work is shared.
 _AXES: Mapping[str, tuple[str, ...]] = {

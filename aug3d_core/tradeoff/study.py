@@ -12,6 +12,7 @@ from aug3d_core.study.words import picked
 from aug3d_core.tradeoff.arm import FACTORY, Arm, Result
 from aug3d_core.tradeoff.plan import (
     NOT_DRAWN,
+    ONE_FOLD,
     auto_arm,
     axes,
     factory_arm,
@@ -95,7 +96,7 @@ def study_scene(
     """
     scene = scene.with_settings(NOT_DRAWN)
     if quick:
-        scene = scene.by_default(SMALL_TOWN if scene.town else ())
+        scene = scene.by_default((*ONE_FOLD, *(SMALL_TOWN if scene.town else ())))
         scene = scene.with_settings(quick_effort(scene.config()))
     there = objects_there(store)
     results = make_all(store, scene, _chosen(_first(scene, quick, seeds, search_only), only), there, say, done)
@@ -120,7 +121,7 @@ def _first(scene: StudiedScene, quick: bool, seeds: int, search_only: bool) -> I
         settings = setting_arms(config, scene.town, quick)
         yield from ((arm, seed) for arm in settings for seed in range(seeds if arm.seeded else 1))
         yield from ((arm, 0) for arm in grid if arm.mark != "preset")
-    yield from ((arm, seed) for arm in (*own, auto_arm()) for seed in range(1 if search_only else seeds))
+    yield from ((arm, seed) for arm in (*own, auto_arm()) for seed in range(seeds))
 
 
 def _chosen(cells: Iterable[tuple[Arm, int]], only: Sequence[str]) -> list[tuple[Arm, int]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ast
 import os
+import shutil
 import sys
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -32,26 +32,34 @@ def test_key_changes_with_config_inputs_and_engine(stage, monkeypatch: pytest.Mo
     first = key(stage, a="1")
     assert first == key(stage, a="1")
     assert len({first, key(stage, "raise", a="1"), key(stage, a="2"), key(stage, b="1")}) == 4
-    monkeypatch.setattr(keys, "version", lambda engine: "99")
+    monkeypatch.setattr(keys, "_version", lambda engine: "99")
     assert key(stage, a="1") != first
 
 
 def test_a_build_for_gpus_is_another_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sfm, config = stages.STAGES["sfm"], stages.STAGES["sfm"].config()
-    monkeypatch.setattr(keys, "version", lambda engine: "1")
+    monkeypatch.setattr(keys, "_version", lambda engine: "1")
     assert "pycolmap-cuda12" in keys.engine_versions(sfm, config) and "pycolmap" not in keys.engine_versions(
         sfm, config
     )
-
-    def without_gpu_build(engine: str) -> str:
-        if engine == "pycolmap-cuda12":
-            raise PackageNotFoundError(engine)
-        return "1"
-
-    monkeypatch.setattr(keys, "version", without_gpu_build)
+    monkeypatch.setattr(keys, "_version", lambda engine: "none" if engine == "pycolmap-cuda12" else "1")
     assert "pycolmap" in keys.engine_versions(sfm, config) and "pycolmap-cuda12" not in keys.engine_versions(
         sfm, config
     )
+
+
+def test_a_process_that_lives_on_sees_what_is_installed_and_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    assert keys._version("an-engine") == "none"
+    for release in ("1.0", "2.0"):
+        told = tmp_path / f"an_engine-{release}.dist-info"
+        told.mkdir()
+        (told / "METADATA").write_text(f"Metadata-Version: 2.1\nName: an-engine\nVersion: {release}\n")
+        assert keys._version("an-engine") == keys._version("an-engine") == release
+        shutil.rmtree(told)
+        assert keys._version("an-engine") == "none"
 
 
 def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> None:
@@ -103,12 +111,7 @@ def test_all_that_a_stage_computes_with_is_among_its_engines(stage: Stage) -> No
 
 
 def test_what_segments_photographs_counts_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    def version(engine: str) -> str:
-        if engine == "transformers":
-            raise PackageNotFoundError(engine)
-        return "1"
-
-    monkeypatch.setattr(keys, "version", version)
+    monkeypatch.setattr(keys, "_version", lambda engine: "none" if engine == "transformers" else "1")
     asked = keys.engine_versions(stages.SAMPLING, SamplingConfig(method="sam"))
     assert (asked["torch"], asked["transformers"]) == ("1", "none"), "the stage says what to install"
     assert not {"torch", "transformers"} & keys.engine_versions(stages.SAMPLING, SamplingConfig()).keys()

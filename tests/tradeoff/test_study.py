@@ -197,6 +197,13 @@ def test_a_search_alone_tries_less_and_takes_a_target(stages: Stages, tmp_path: 
     assert studied(tmp_path, search_only=True).target_db == pytest.approx(20 + 1 + 60 / 1200 - 0.2)
 
 
+@pytest.mark.usefixtures("stages")
+def test_a_search_alone_holds_auto_against_the_scene_s_own_with_every_seed(tmp_path: Path) -> None:
+    found = studied(tmp_path, search_only=True, seeds=3)
+    assert {p.arm.mark: len(p.results) for p in found.whole if p.arm.mark} == {"preset": 3, "auto": 3}
+    assert all(len(p.results) == 1 for p in found.whole if not p.arm.mark), "what the search tries, it tries once"
+
+
 def test_the_folder_holds_data_chart_and_a_page_that_needs_no_network(stages: Stages, tmp_path: Path) -> None:
     store = Store(tmp_path)
     found = studied(tmp_path)
@@ -257,3 +264,11 @@ def test_a_quick_look_is_at_a_small_town_unless_the_user_says_how_large(stages: 
     scene = open_scene(Store(tmp_path), "demo", None).with_settings(["town.length_m=99"])
     looked = study_scene(Store(tmp_path), scene, True, 1, None, False, lambda *_: None, lambda *_: None)
     assert looked.scene.config().town == town.model_copy(update={"length_m": 99})
+
+
+def test_a_quick_look_makes_one_fold_unless_the_user_says_how_many(stages: Stages, tmp_path: Path) -> None:
+    assert studied(tmp_path).scene.config().grouping.folds == 1
+    assert studied(tmp_path, quick=False).scene.config().grouping.folds is None
+    scene = open_scene(Store(tmp_path), "demo", None).with_settings(["grouping.folds=2"])
+    looked = study_scene(Store(tmp_path), scene, True, 1, None, False, lambda *_: None, lambda *_: None)
+    assert looked.scene.config().grouping.folds == 2
