@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 SETTINGS = {
-    "town": {"length_m": 75, "width_m": 80, "altitude_m": 45, "width_px": 320, "photos_per_shard": 6},
+    "town": {"length_m": 75, "width_m": 80, "altitude_m": 45, "width_px": 320, "samples": 4, "photos_per_shard": 6},
     "matching": {"max_features": 2048},
     "grouping": {"k": 4, "groups": 8, "folds": 1},
     "depth": {"max_px": 256},
     "sampling": {"domes": 2},
     "rendering": {"views_per_shard": 4, "samples": 4},
-    "training": {"steps": 30, "checkpoint_every": 10},
+    "training": {"steps": 30, "checkpoint_every": 10, "hidden": 32, "rays_per_group": 128},
+    "evaluation": {"flythrough_frames": 4},
 }
 OVERRIDES = [
     word
