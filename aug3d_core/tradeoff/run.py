@@ -15,7 +15,7 @@ from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from aug3d_core.tradeoff.arm import REFUSED, Arm, Result
 from aug3d_core.tradeoff.scene import StudiedScene
-from aug3d_core.tradeoff.setting import TEST_PSNR, Judge
+from aug3d_core.tradeoff.setting import TEST_PSNR, Judge, value_of
 
 Objects = frozenset[tuple[str, str]]  # stage and key
 Done = Callable[[Result, int, int], None]  # a result, how many are done, of how many
@@ -37,11 +37,13 @@ def make_arm(store: Store, scene: StudiedScene, arm: Arm, seed: int, there: Obje
     What is tested on held-out photographs is made in all folds of the scene: one fold of few photographs tests two.
     """
     own = scene.decided() if arm.mark == "auto" else scene.own
-    settings = (*arm.settings, *(f"{field}={seed}" for field in arm.seeded if seed))  # repeat 0 is the scene's own seed
     try:
-        own.config(settings)
+        config = own.config(arm.settings)
     except UsageError as error:
         return Result(arm, seed, Trial({}, error.problem, REFUSED))
+    # Counted from the scene's own seed, whichever that is: no two repeats are the same
+    repeated = (f"{field}={int(value_of(field, config)) + seed}" for field in arm.seeded if seed)
+    settings = (*arm.settings, *repeated)
     trial = run_trial(
         store,
         arm.judge.stage,

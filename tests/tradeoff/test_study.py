@@ -204,6 +204,15 @@ def test_a_search_alone_holds_auto_against_the_scene_s_own_with_every_seed(tmp_p
     assert all(len(p.results) == 1 for p in found.whole if not p.arm.mark), "what the search tries, it tries once"
 
 
+@pytest.mark.usefixtures("stages")
+def test_repeats_are_counted_from_the_scene_s_own_seed(tmp_path: Path) -> None:
+    scene = open_scene(Store(tmp_path), "demo", None).with_settings(["training.seed=2"])
+    found = study_scene(Store(tmp_path), scene, True, 3, None, True, lambda *_: None, lambda *_: None)
+    for point in (point for point in found.whole if point.arm.mark):
+        trained = [result.trial.records["training"].config["seed"] for result in point.results]
+        assert sorted(trained) == [2, 3, 4]
+
+
 def test_the_folder_holds_data_chart_and_a_page_that_needs_no_network(stages: Stages, tmp_path: Path) -> None:
     store = Store(tmp_path)
     found = studied(tmp_path)
