@@ -48,11 +48,16 @@ class StudiedScene:
 
     def by_default(self, settings: Iterable[str]) -> StudiedScene:
         """Return the scene with settings that hold where it has none of its own."""
-        return StudiedScene(self.name, self.photos, Measured(self.own.preset, (*settings, *self.own.overrides)))
+        return self._having((*settings, *self.own.overrides))
 
     def with_settings(self, settings: Iterable[str]) -> StudiedScene:
         """Return the scene with more settings of its own."""
-        return StudiedScene(self.name, self.photos, Measured(self.own.preset, (*self.own.overrides, *settings)))
+        return self._having((*self.own.overrides, *settings))
+
+    def _having(self, settings: Iterable[str]) -> StudiedScene:
+        """Return the scene with these settings, of each field the last."""
+        last = {one.partition("=")[0]: one for one in settings}
+        return StudiedScene(self.name, self.photos, Measured(self.own.preset, tuple(last.values())))
 
 
 def open_scene(store: Store, name: str, preset: str | None) -> StudiedScene:

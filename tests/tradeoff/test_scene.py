@@ -41,6 +41,14 @@ def test_the_town_needs_no_run(tmp_path: Path) -> None:
     )
 
 
+def test_of_each_setting_the_last_counts_and_is_told(tmp_path: Path) -> None:
+    scene = open_scene(Store(tmp_path), "demo", None).with_settings(["town.seed=8", "sfm.seed=1", "town.seed=9"])
+    assert scene.own.overrides == ("town.seed=9", "sfm.seed=1")
+    assert scene.by_default(["sfm.seed=2", "matching.seed=3"]).config().sfm.seed == 1
+    with pytest.raises(UsageError, match="nonsense"):
+        scene.with_settings(["nonsense"]).config()
+
+
 def test_a_scene_that_was_run_is_studied_as_it_was_run(stages: Stages, photos: Path, tmp_path: Path) -> None:
     store = Store(tmp_path)
     ran(store, "field", "small", "training.hidden=32", photos=photos)
