@@ -202,12 +202,19 @@ def submit(page: Page) -> None:
 
 
 def open_artifact(page: Page, key: str) -> None:
-    """Open an artifact of the run that is shown as a person does: an ended run's list is asked for once, and stays empty if
-    the database was busy then, until the page is loaded again."""
+    """Open an artifact of the run that is shown as a person does.
+
+    Fifty are listed, in no order, the rest by scrolling. An ended run's list is asked for once, and stays empty if the
+    database was busy then, until the page is loaded again.
+    """
     for _ in range(3):
         page.get_by_text("Artifacts", exact=True).last.click()
-        with suppress(NoAnswer):
-            return page.get_by_text(key).first.click(timeout=20_000)
+        page.mouse.move(683, 800)
+        for _ in range(40):
+            if page.get_by_text(key).count():
+                return page.get_by_text(key).first.click()
+            page.mouse.wheel(0, 1500)
+            page.wait_for_timeout(500)
         page.screenshot(path=SHOTS / "no_artifact.png")
         page.reload()
     raise AssertionError(f"the run's page does not list {key}: see no_artifact.png")
