@@ -1,4 +1,4 @@
-# The two commands of the README: make demo, make test. Both set up what is missing first.
+# The two commands of the README: make demo, make test. Both first install what is missing.
 SHELL := /bin/bash
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -9,7 +9,7 @@ READY := $(VENV)/.ready
 demo: $(READY)  ## the whole factory on the built-in town
 	@$(VENV)/bin/aug3d demo
 
-test: $(READY)  ## every test, with the real engines
+test: $(READY)  ## the whole test suite, with the real engines
 	@$(PY) -m pytest -n auto --maxprocesses 4
 
 check: $(READY)  ## lint, types and the quick tests, for daily work
@@ -21,5 +21,5 @@ $(READY): pyproject.toml constraints.txt infra/setup.sh
 	@infra/setup.sh $(VENV)
 	@touch $(READY)
 
-clean:  ## drop the environment; what aug3d made stays (aug3d gc drops what is not needed)
+clean:  ## delete the environment; the home folder stays (aug3d gc cleans it up)
 	rm -rf $(VENV)

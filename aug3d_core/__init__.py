@@ -1,6 +1,6 @@
-"""The work of the data factory, stage by stage. Importable without prefect, mlflow, bpy or torch.
+"""The data factory, stage by stage. Importable without prefect, mlflow, bpy or torch.
 
-`stages.py` lists the stages in the order of the data; each package below does one of them.
+`factory/stages.py` lists the stages in order. CONTRIBUTING.md lists the packages and their layers.
 """
 
 __version__ = "0.6.0"

@@ -10,8 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from aug3d_core.memory import total_bytes
-from aug3d_core.stage import Frozen
+from aug3d_core.run.memory import total_bytes
+from aug3d_core.run.stage import Frozen
 
 # Each engine is imported in a process of its own: two native libraries in one process corrupt memory.
 _ENGINES = ("pycolmap", "open3d", "bpy", "torch")

@@ -13,14 +13,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.store import layout
-from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
 from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
     from aug3d_core.bench.figure import Figure
-    from aug3d_core.bench.trial import Measured, Say
+    from aug3d_core.studies.common.trial import Measured, Say
 
 HOME = Path("aug3d_data")
 
@@ -92,16 +93,8 @@ def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_j
 
 
 @bench.command("nerf")
-def bench_nerf(
-    home: Home = HOME,
-    preset: Preset = "tiny",
-    minutes: Annotated[
-        float, typer.Option(min=0.0, help="How long the paper's settings are trained, for comparison, minutes.")
-    ] = 30.0,
-    set_: Set = [],
-    as_json: AsJson = False,
-) -> None:
-    """PixelNeRF: speed over its plain version, quality on the town, and time to the paper's quality (about an hour).
+def bench_nerf(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """PixelNeRF: its speed against its plain version, and its quality on the town.
 
     Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
     """
@@ -109,7 +102,7 @@ def bench_nerf(
     def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
         from aug3d_core.bench import nerf
 
-        return Measurement(nerf.figures(store, scene, say, minutes), {"reference_minutes": minutes})
+        return Measurement(nerf.figures(store, scene, say))
 
     _bench("nerf", home, preset, set_, as_json, measure)
 
@@ -124,7 +117,7 @@ def _bench(
 ) -> None:
     """Measure, keep figures and pictures in a folder of their own, print them, and exit."""
     from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.bench.trial import Measured
+    from aug3d_core.studies.common.trial import Measured
 
     with typed_errors(as_json):
         console = Console(stderr=True)

@@ -12,20 +12,20 @@ from rich.console import Console
 from rich.markup import escape
 
 from aug3d_core.doctor import examine
-from aug3d_core.errors import UsageError
-from aug3d_core.formats.recognise import COLMAP, DTU, NERFSTUDIO
-from aug3d_core.make import Material
-from aug3d_core.scene_config import SIZES, SceneConfig, scene_config
-from aug3d_core.scene_name import check_scene_name
-from aug3d_core.stage import Stage
-from aug3d_core.store.room import check_room
+from aug3d_core.factory.config import SIZES, SceneConfig, scene_config
+from aug3d_core.factory.material import Material
+from aug3d_core.factory.walk import planned
+from aug3d_core.poses.recognise import COLMAP, DTU, NERFSTUDIO
+from aug3d_core.run.errors import UsageError
+from aug3d_core.run.stage import Stage
+from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import last_version, object_of, records_before
 from aug3d_core.store.store import Store
 from flows.bench import bench
 from flows.compare import compare_runs
 from flows.gc import gc
 from flows.hand_on import export_groups
-from flows.plan import planned
+from flows.plan import checked_plan, following
 from flows.predict import predict
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
@@ -121,7 +121,10 @@ def export_scene(
     as_json: AsJson = False,
 ) -> None:
     """Write a scene for other tools: poses, points and undistorted photographs; or (dtu) its groups for pixelNeRF."""
-    from aug3d_core.formats.export import IMAGES, export  # with scipy and pandas, which other commands do without
+    from aug3d_core.export.folder_formats import (  # with scipy and pandas, which other commands do without
+        IMAGES,
+        export,
+    )
 
     with typed_errors(as_json):
         store = Store(home)
@@ -165,8 +168,10 @@ def _run(
         _print_plan(store, material, config, as_json)
         return
     check_servers()
-    check_room(store, scene, material, config, records_before(store, scene), planned(store, material, config))
-    metrics = _run_flow(store, scene, material, stages, preset, config, Console(stderr=as_json))
+    with store.using():
+        plan = checked_plan(store, scene, material, config, records_before(store, scene))
+        with following(plan):
+            metrics = _run_flow(store, scene, material, stages, preset, config, Console(stderr=as_json))
     if as_json:
         print(json.dumps(metrics, indent=1))
     else:
@@ -202,7 +207,7 @@ def _run_flow(
 
 
 def _print_plan(store: Store, material: Material, config: SceneConfig, as_json: bool) -> None:
-    plan = [(step.name, record is not None) for step, record in planned(store, material, config)]
+    plan = [(visit.step.name, visit.record is not None) for visit in planned(store, material, config)]
     if as_json:
         print(json.dumps([{"stage": name, "cached": cached} for name, cached in plan], indent=1))
         return

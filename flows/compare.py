@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from aug3d_core.charts.comparison import PSNR, Comparison, Row, Side, change_text, compare, overlapping, side
-from aug3d_core.errors import UsageError
+from aug3d_core.metrics.comparison import PSNR, Comparison, Row, Side, change_text, compare, overlapping, side
+from aug3d_core.run.errors import UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import RULES
 from aug3d_core.store.scenes import records_of, scenes, version_metrics
@@ -25,7 +25,7 @@ from aug3d_core.store.version_name import find_version
 from flows.display import figure
 from flows.refusal import typed_errors
 from flows.settings import apply_local_environment
-from tasks.outbox import waiting
+from tasks.mlflow_outbox import waiting
 
 HOME = Path("aug3d_data")
 _WIDTH = 120

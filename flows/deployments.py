@@ -12,11 +12,10 @@ from prefect.schedules import Cron, Interval, Schedule
 from prefect.types.entrypoint import EntrypointType
 from prefect.utilities.annotations import freeze
 
-from aug3d_core.registry.entry import SceneEntry
+from aug3d_core.scene_files.entry import SceneEntry
 from flows.regenerate import batch, regenerate
 from flows.settings import OURS
-from flows.stability_run import stability
-from flows.study_run import study_scene, tradeoff
+from flows.study_run import stability, study_scene, tradeoff
 
 SCENE = "scene"  # tag of a scene of the registry
 _ONE_AT_A_TIME = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)

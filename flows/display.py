@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from aug3d_core.folds import later_folds
-from aug3d_core.stage import Stage
+from aug3d_core.factory.plan import later_folds
+from aug3d_core.run.stage import Stage
 
 if TYPE_CHECKING:
-    from tasks.objects import Made
+    from aug3d_core.factory.walk import Visit
 
 
 class Display(AbstractContextManager):
@@ -62,7 +62,7 @@ class Display(AbstractContextManager):
         """Move a step's bar."""
         self._bars.update(self._rows[step], completed=done, total=max(total, 1), what=what)
 
-    def finished(self, made: Made) -> None:
+    def finished(self, made: Visit) -> None:
         """Mark a step as done, with its accuracy figure; the split tells which further folds there will be."""
         record, accuracy = made.record, made.step.stage.accuracy
         said = f"{accuracy} = {figure(record.metrics.get(accuracy))}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,18 +11,17 @@ from typing import Any
 from prefect import flow
 from prefect.runtime import deployment, flow_run
 
-from aug3d_core.charts.comparison import Comparison, compare, side
-from aug3d_core.charts.report import write_report
-from aug3d_core.charts.scene_metrics import scene_metrics
-from aug3d_core.errors import Aug3dError
-from aug3d_core.folds import seen_from, steps
-from aug3d_core.make import Material, gather
-from aug3d_core.needs.decision import Decision
-from aug3d_core.needs.rows import needs_of
-from aug3d_core.needs.settle import settle
-from aug3d_core.scene_config import SceneConfig
+from aug3d_core.factory.auto.rows import needs_of
+from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.material import Material
+from aug3d_core.factory.walk import Visit, walk
+from aug3d_core.metrics.comparison import Comparison, compare, side
+from aug3d_core.metrics.scene_metrics import scene_metrics
+from aug3d_core.report.scene_report import write_report
+from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store import layout
 from aug3d_core.store.changes import why_made
+from aug3d_core.store.code_version import code_version
 from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import (
@@ -34,10 +33,10 @@ from aug3d_core.store.scenes import (
     write_metrics,
 )
 from aug3d_core.store.store import Store
-from aug3d_core.version import code_version
-from tasks import artifacts
-from tasks.alive import alive
-from tasks.objects import Made, run_step
+from flows.plan import checked_plan
+from tasks import artifacts, progress
+from tasks.build_task import through_prefect
+from tasks.run_locks import run_lock
 from tasks.tracking import log_run
 
 
@@ -45,41 +44,45 @@ from tasks.tracking import log_run
 def factory(
     scene: str, photos: str | None, preset: str, config: SceneConfig, home: str, poses: str | None = None
 ) -> dict[str, Any]:
-    """Make a scene as far as something changed; returns what its `metrics.json` holds.
+    """Make a scene, reusing what did not change; returns the content of its `metrics.json`.
 
-    Without photographs the scene is the built-in town; poses that are given are not computed.
+    Without photographs the scene is the built-in town. Given poses are not computed.
     """
     store = Store(Path(home))
     material = Material(photos=Path(photos) if photos else None, poses=Path(poses) if poses else None)
-    with alive(store.root), store.using():
-        return make_version(store, scene, material, preset, config, records_before(store, scene))
+    with run_lock(store.root), store.using():
+        before = records_before(store, scene)
+        plan = checked_plan(store, scene, material, config, before)
+        return make_version(store, scene, material, preset, config, before, plan)
 
 
 def make_version(
-    store: Store, scene: str, material: Material, preset: str, config: SceneConfig, before: Mapping[str, Record]
+    store: Store,
+    scene: str,
+    material: Material,
+    preset: str,
+    config: SceneConfig,
+    before: Mapping[str, Record],
+    plan: Iterable[Visit],
 ) -> dict[str, Any]:
-    """Make a version of a scene, within a flow; returns what its `metrics.json` holds.
+    """Make a version of a scene, within a flow; returns the content of its `metrics.json`.
 
-    A small scene is made in folds, from the split on, and tested on all of them. `before` holds what an earlier version is
-    made of, by step, and tells why a step is made again. The typed error of a failed stage is raised after everything done
-    before it has been recorded.
+    A small scene is made in folds, from the split on, and tested on all of them. before: the objects of an earlier version
+    by step, to say why a step is built again. plan: what a look at the store found just before. The typed error of a
+    failed stage is raised after everything done before it has been recorded.
     """
-    made: list[Made] = []
-    records: dict[str, Record] = {}
-    decisions: dict[str, tuple[Decision, ...]] = {}
+    made: list[Visit] = []
     started = time.monotonic()
+    known = {visit.step.name: visit for visit in plan}
     try:
-        stages = material.stages()
-        for step in steps(stages, records):
-            seen = seen_from(step, stages, records)
-            settled = settle(step.stage, config, seen, store, material)
-            decisions[step.name] = settled.decisions
-            made.append(run_step(store, step, step.in_fold(settled.config), gather(store, step.stage, seen, material)))
-            records[step.name] = made[-1].record
+        for visit in walk(store, material.stages(), config, material, through_prefect(store), plan=known):
+            made.append(visit)
+            progress.finished(visit)
+            artifacts.publish(store, visit)
     except Aug3dError as error:
-        _conclude(store, scene, preset, made, decisions, before, time.monotonic() - started, error)
+        _conclude(store, scene, preset, made, before, time.monotonic() - started, error)
         raise
-    return _conclude(store, scene, preset, made, decisions, before, time.monotonic() - started, None)
+    return _conclude(store, scene, preset, made, before, time.monotonic() - started, None)
 
 
 def beside_published(store: Store, metrics: Mapping[str, Any], records: Mapping[str, Record]) -> Comparison | None:
@@ -95,8 +98,7 @@ def _conclude(
     store: Store,
     scene: str,
     preset: str,
-    made: list[Made],
-    decisions: Mapping[str, tuple[Decision, ...]],
+    made: list[Visit],
     before: Mapping[str, Record],
     seconds: float,
     error: Aug3dError | None,
@@ -110,7 +112,7 @@ def _conclude(
         metrics["stages"][m.step.name]["why"] = list(why)
     version = new_version(store, scene)
     records = {m.step.name: m.record for m in made}
-    metrics["needs"] = needs_of(files, decisions)
+    metrics["needs"] = needs_of(files, {m.step.name: m.decisions for m in made})
     metrics["paths"] = version_paths(store, version, records)
     metrics["flow_run"] = _flow_run()
     write_report(files, metrics, version / layout.REPORT, beside_published(store, metrics, records))

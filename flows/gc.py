@@ -12,10 +12,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from aug3d_core.errors import UsageError
-from aug3d_core.registry.files import read_each
-from aug3d_core.scene_name import check_scene_name
+from aug3d_core.run.errors import UsageError
+from aug3d_core.scene_files.files import read_each
 from aug3d_core.store.retention import Plan, Waste, drop, plan, plan_for_scene
+from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Usage, besides, usage
 from flows.refusal import typed_errors

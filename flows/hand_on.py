@@ -13,7 +13,7 @@ _SAME_CAMERA_PX = 0.5
 
 def export_groups(dataset: Path, folder: Path, as_json: bool) -> None:
     """Write the groups in the DTU layout, and tell it."""
-    from aug3d_core.formats.dtu import export_dtu  # with zarr, which other commands do without
+    from aug3d_core.export.dtu import export_dtu  # with zarr, which other commands do without
 
     written = export_dtu(dataset, folder)
     if as_json:

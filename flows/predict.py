@@ -11,14 +11,16 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from aug3d_core.errors import UsageError
-from aug3d_core.folds import stage_of
-from aug3d_core.make import Source, make, source_of
-from aug3d_core.nerf.config import PredictionConfig
-from aug3d_core.stages import PREDICTION, TRAINING
-from aug3d_core.store import layout
+from aug3d_core.factory.build import build, work_of
+from aug3d_core.factory.material import Source, source_of
+from aug3d_core.factory.plan import stage_of
+from aug3d_core.factory.stages import PREDICTION, TRAINING
+from aug3d_core.heads.pixelnerf.config import PredictionConfig
+from aug3d_core.novel.files import PREDICTION as NOVEL_PREDICTION
+from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTION_VIEW
+from aug3d_core.run.errors import UsageError
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import last_version, object_of, records_of
+from aug3d_core.store.scenes import last_version, object_of, records_of, step_objects
 from aug3d_core.store.store import Store
 from flows.refusal import typed_errors
 
@@ -70,17 +72,17 @@ def predict(
             config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
             config = config.model_copy(update={"input_views": _judged_with(store, version)})
             with Console(stderr=True).status("predicting ..."):
-                record = make(store, PREDICTION, config, sources, lambda done, total, what: None)
+                record = build(store, work_of(PREDICTION, config, sources), lambda done, total, what: None).record
             files = _handed_over(store.files_dir(record), out)
-            view = json.loads((store.files_dir(record) / layout.PREDICTION_VIEW).read_text())
-            told = _told(scene, record, files, view, fold_notes(version["paths"]["objects"]))
+            view = json.loads((store.files_dir(record) / PREDICTION_VIEW).read_text())
+            told = _told(scene, record, files, view, fold_notes(step_objects(version)))
             print(json.dumps(told, indent=1)) if as_json else _print(told)
         raise typer.Exit(3 if record.state == "degraded" else 0)
 
 
 def _outside(poses: Path) -> Source:
     """Return posed photographs from outside as an input of the stage."""
-    from aug3d_core.nerf.outside import photos_digest
+    from aug3d_core.novel.outside import photos_digest
 
     if poses.suffix != ".json" or not poses.is_file():
         raise UsageError(
@@ -104,8 +106,9 @@ def _config(
     ids: tuple[int, ...] = ()
     shown: int | None = None
     if inputs is not None or like is not None:
-        from aug3d_core.nerf.outside import photo_names  # with pandas, which other commands do without
-        from aug3d_core.photos.table import photo_ids, read_photos
+        from aug3d_core.novel.outside import photo_names  # with pandas, which other commands do without
+        from aug3d_core.photos.files import read_photos
+        from aug3d_core.photos.table import photo_ids
 
         table = photo_names(photos) if photos.is_file() else read_photos(photos)
         ids = photo_ids(table, inputs.split(",")) if inputs is not None else ()
@@ -137,7 +140,7 @@ def _place(option: str, text: str | None) -> tuple[float, float, float] | None:
 
 def _handed_over(files: Path, out: Path | None) -> dict[str, str]:
     """Return where the pictures are: in the store, or where the user wanted a copy."""
-    pictures = {"picture": layout.PREDICTION, "depth": layout.PREDICTION_DEPTH, "panel": layout.PREDICTION_PANEL}
+    pictures = {"picture": NOVEL_PREDICTION, "depth": PREDICTION_DEPTH, "panel": PREDICTION_PANEL}
     if out is None:
         return {what: str(files / name) for what, name in pictures.items()}
     there = {"picture": out} | {what: out.with_stem(f"{out.stem}_{what}") for what in ("depth", "panel")}

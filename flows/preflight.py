@@ -8,9 +8,9 @@ import urllib.error
 import urllib.request
 from collections.abc import Mapping
 
-from aug3d_core.errors import StoreError
+from aug3d_core.run.errors import StoreError
 from aug3d_core.store.scenes import masked
-from tasks.reach import unreachable
+from tasks.ping import unreachable
 
 _PREFECT, _MLFLOW = "PREFECT_API_URL", "MLFLOW_TRACKING_URI"
 _SERVERS = {_PREFECT: "Prefect server", _MLFLOW: "MLflow server"}

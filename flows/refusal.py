@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from aug3d_core.errors import Aug3dError, StageFailed, UsageError
+from aug3d_core.run.errors import Aug3dError, StageFailed, UsageError
 
 
 @contextmanager

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.errors import Aug3dError
 from aug3d_core.photos.discover import find_photos
-from aug3d_core.registry.entry import SceneEntry
+from aug3d_core.run.errors import Aug3dError
+from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.store.published import published
 from aug3d_core.store.scenes import version_metrics, versions
 from aug3d_core.store.store import Store

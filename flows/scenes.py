@@ -10,9 +10,10 @@ import typer
 from pydantic import BaseModel, ValidationError
 from rich.console import Console
 
-from aug3d_core.errors import UsageError
+from aug3d_core.factory.config import SIZES, scene_config
 from aug3d_core.photos.discover import find_photos
-from aug3d_core.registry import (
+from aug3d_core.run.errors import UsageError
+from aug3d_core.scene_files import (
     SceneEntry,
     Schedule,
     read_each,
@@ -22,8 +23,7 @@ from aug3d_core.registry import (
     write_scene,
     write_schedule,
 )
-from aug3d_core.registry.check import said
-from aug3d_core.scene_config import SIZES, scene_config
+from aug3d_core.scene_files.check import said
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.scenes import versions
 from aug3d_core.store.store import Store

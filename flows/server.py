@@ -15,9 +15,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from aug3d_core.errors import StoreError
-from aug3d_core.isolation import log_tail
-from aug3d_core.parent import die_with_parent
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.linux_process import die_with_parent
+from aug3d_core.run.process import log_tail
 
 _PATIENCE_S = 180.0  # a busy machine needs far longer than an idle one's 4 s
 _API = "PREFECT_API_URL"

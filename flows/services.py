@@ -22,8 +22,8 @@ from typing import Annotated
 import psutil
 import typer
 
-from aug3d_core.errors import UsageError
-from aug3d_core.parent import SUPERVISED, die_with_parent
+from aug3d_core.run.errors import UsageError
+from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 from flows.refusal import typed_errors
 from flows.settings import local_environment

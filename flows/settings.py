@@ -18,7 +18,6 @@ def local_environment(home: Path) -> dict[str, str]:
     """Return the environment that keeps every database, result and artifact under `home` and sends nothing out."""
     return {
         "PREFECT_HOME": str(home / "prefect"),
-        "PREFECT_LOCAL_STORAGE_PATH": str(home / "prefect" / "results"),
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "PREFECT_LOGGING_LEVEL": "CRITICAL",  # the command line tells what happens; each stage has its own log
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",

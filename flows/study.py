@@ -1,12 +1,13 @@
-"""`aug3d study`: the paper's tables on your scene, each arm several times, with intervals."""
+"""`aug3d study`: what all studies of the command line share; and the paper's tables, each arm several times, with intervals."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -14,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from aug3d_core.scene_config import PRESETS
+from aug3d_core.factory.config import PRESETS
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.preflight import check_servers
@@ -22,12 +23,16 @@ from flows.refusal import typed_errors
 from flows.settings import apply_local_environment
 
 if TYPE_CHECKING:
-    from aug3d_core.study.arm import Study
-    from aug3d_core.study.cell import Result
-    from aug3d_core.study.findings import Findings
+    from aug3d_core.factory.walk import Make, Visit
+    from aug3d_core.studies.common.cell import Result
+    from aug3d_core.studies.common.publication import Publication
+    from aug3d_core.studies.paper.arm import PaperTable
+    from aug3d_core.studies.paper.cell import PaperResult
+    from aug3d_core.studies.paper.findings import PaperFindings
 
 HOME = Path("aug3d_data")
-_WIDTH = 140
+_WIDTH = 140  # of tables that are not shown on a terminal
+FoundT = TypeVar("FoundT")
 
 study = typer.Typer(
     no_args_is_help=True, help="Make and judge a scene in many ways: what is better, dearer, or breaks."
@@ -44,8 +49,8 @@ Set = Annotated[
         "--set", metavar="STAGE.FIELD=VALUE", help="Change one setting of every arm, e.g. training.steps=500."
     ),
 ]
-Seeds = Annotated[int, typer.Option(min=1, max=100, help="Runs of every arm, each with a seed of its own.")]
-Quick = Annotated[bool, typer.Option("--quick", help="A few arms, two seeds and few steps: minutes, for a look.")]
+Seeds = Annotated[int, typer.Option(min=1, max=100, help="Runs of every arm, each with another seed.")]
+Quick = Annotated[bool, typer.Option("--quick", help="A few arms, two seeds and few steps: takes minutes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
 
 
@@ -61,11 +66,11 @@ def study_grouping(
 ) -> None:
     """Ways of grouping x K 20, 10, auto; then 3, 6, 9 input views for the best. The paper's first table.
 
-    Killed half way? Run it again: what was made is found again.
+    Killed half way? Run it again: outputs in the store are reused.
     """
-    from aug3d_core.study.grouping import grouping_study
+    from aug3d_core.studies.paper.grouping import grouping_table
 
-    _study(grouping_study, scene, home, preset, set_, seeds, quick, as_json)
+    _study(grouping_table, scene, home, preset, set_, seeds, quick, as_json)
 
 
 @study.command("augmentation")
@@ -80,15 +85,15 @@ def study_augmentation(
 ) -> None:
     """Real photographs, virtual views, and both x K 20, 10, auto; and how many virtual views. The paper's second table.
 
-    Killed half way? Run it again: what was made is found again.
+    Killed half way? Run it again: outputs in the store are reused.
     """
-    from aug3d_core.study.augmentation import augmentation_study
+    from aug3d_core.studies.paper.augmentation import augmentation_table
 
-    _study(augmentation_study, scene, home, preset, set_, seeds, quick, as_json)
+    _study(augmentation_table, scene, home, preset, set_, seeds, quick, as_json)
 
 
 def _study(
-    arms: Callable[[bool], Study],
+    table_of: Callable[[bool], PaperTable],
     scene: str,
     home: Path,
     preset: str | None,
@@ -98,42 +103,86 @@ def _study(
     as_json: bool,
 ) -> None:
     from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.study.effort import repeats, study_effort
-    from aug3d_core.study.findings import as_json as data
-    from aug3d_core.study.findings import findings
-    from aug3d_core.study.run import run_study
-    from aug3d_core.study.scene import open_scene
-    from aug3d_core.study.write import write_study
+    from aug3d_core.studies.paper.effort import repeats, study_effort
+    from aug3d_core.studies.paper.findings import findings
+    from aug3d_core.studies.paper.page import publication
+    from aug3d_core.studies.paper.scene import open_finished
+    from aug3d_core.studies.paper.tables import make_table
 
-    with typed_errors(as_json):
-        store = Store(home)
-        with store.using():
-            opened = study_effort(open_scene(store, scene, preset), quick, overrides)
-            check_servers()
-            apply_local_environment(store.root)
-            chosen, runs = arms(quick), repeats(seeds, quick)
-            console = Console(stderr=True)
-            with Watch(console, len(chosen.arms) * runs * opened.folds) as watch:
-                results = run_study(store, chosen, opened, runs, watch.say, watch.done)
-            found = findings(chosen, opened, runs, results, describe_machine())
-            folder = write_study(store, found)
-            from tasks.studies import log_study  # Prefect and MLflow read their settings when they are imported
-
-            if why := log_study(store, found, folder):
-                console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
-            if as_json:
-                print(json.dumps(data(found) | {"folder": str(folder)}, indent=1))
-            else:
-                print_findings(Console(), found, folder)
+    with typed_errors(as_json), using(home) as store:
+        opened = study_effort(open_finished(store, scene, preset), quick, overrides)
+        table, runs, console = table_of(quick), repeats(seeds, quick), Console(stderr=True)
+        watch = Watch(console, len(table.arms) * runs * opened.folds, _outcome)
+        results = carry_out(
+            store,
+            f"{table.name} of {scene}",
+            watch,
+            lambda make: make_table(store, table, opened, runs, make, watch.done),
+        )
+        found = findings(table, opened, runs, results, describe_machine())
+        published = publication(found)
+        folder = publish(store, console, published)
+        if as_json:
+            print(json.dumps({**published.data, "folder": str(folder)}, indent=1))
+        else:
+            print_findings(Console(), found)
+            print_folder(folder)
         raise typer.Exit(3 if found.failed else 0)
 
 
-class Watch:
-    """Which cell is under way, and how many are left: a bar on a terminal, a line per cell elsewhere."""
+def _outcome(result: PaperResult) -> str:
+    return result.failure or f"{result.mean('psnr'):.2f} dB in {result.seconds:.0f} s"
 
-    def __init__(self, console: Console, cells: int) -> None:
-        """Prepare a bar of so many cells."""
-        self._console = console
+
+@contextmanager
+def using(home: Path) -> Iterator[Store]:
+    """Open the store, and keep its objects while the block runs."""
+    store = Store(home)
+    with store.using():
+        yield store
+
+
+def carry_out(store: Store, name: str, watch: Watch, study: Callable[[Make], FoundT]) -> FoundT:
+    """Run a study within a flow, and show how far it is."""
+    check_servers()
+    apply_local_environment(store.root)
+    from flows.study_run import as_flow  # Prefect and MLflow read their settings when they are imported
+
+    with watch:
+        return as_flow(store, name, watch, study)
+
+
+def publish(store: Store, console: Console, study: Publication) -> Path:
+    """Write a study and log it to MLflow; return its folder."""
+    from aug3d_core.studies.common.write import write_study
+    from tasks.studies import log_study
+
+    folder = write_study(store, study)
+    console.print(f"logging {len(study.cells):,} runs to MLflow ...", highlight=False)
+    if why := log_study(store, study, folder):
+        console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
+    return folder
+
+
+def print_folder(folder: Path) -> None:
+    """Print where a study is."""
+    console = Console()
+    console.print(f"page, chart and data: {folder}", highlight=False, soft_wrap=True)
+    console.print(f"all studies on one page: {folder.parents[1] / layout.STORY}", highlight=False, soft_wrap=True)
+
+
+def widen(console: Console) -> None:
+    """Give tables room where the output is no terminal."""
+    if not console.is_terminal:
+        console.width = max(console.width, _WIDTH)
+
+
+class Watch:
+    """A progress listener for studies: a bar on a terminal, a line for each cell elsewhere."""
+
+    def __init__(self, console: Console, cells: int, outcome: Callable[[Any], str]) -> None:
+        """Prepare a bar for a number of cells. outcome: a result in a few words."""
+        self._console, self._outcome = console, outcome
         self._bar = Progress(
             TextColumn("run {task.completed:.0f} of {task.total:.0f}"),
             BarColumn(bar_width=24),
@@ -155,47 +204,45 @@ class Watch:
         """Leave the last state on the screen."""
         self._bar.stop()
 
-    def say(self, stage: str, done: int, total: int, what: str) -> None:
-        """Tell how far a step of the cell is."""
-        self._bar.update(self._row, what=f"{stage}: {done} of {total} {what}")
+    def started(self, step: str) -> None:
+        """Name the current step."""
+        self._bar.update(self._row, what=step)
 
-    def done(self, result: Result, cells: int, total: int) -> None:
-        """Count a cell of one of the paper's tables."""
-        told = result.failure or f"{result.views['psnr'].mean():.2f} dB in {result.seconds:.0f} s"
-        self.count(result.cell.name, told, cells, total)
+    def advanced(self, step: str, done: int, total: int, what: str) -> None:
+        """Show how far the current step is."""
+        self._bar.update(self._row, what=f"{step}: {done} of {total} {what}")
 
-    def count(self, name: str, told: str, cells: int, total: int) -> None:
-        """Count a cell, and print what came out."""
+    def finished(self, made: Visit) -> None:
+        """A step is not shown when it is finished: cells are."""
+
+    def done(self, result: Result[Any], cells: int, total: int) -> None:
+        """Count a cell, and print its outcome."""
         self._bar.update(self._row, completed=cells, total=total, what="")
         self._console.print(
-            f"{time.strftime('%H:%M:%S')} [{cells}/{total}] {name}: {told}",
+            f"{time.strftime('%H:%M:%S')} [{cells}/{total}] {result.cell.name}: {self._outcome(result)}",
             markup=False,
             highlight=False,
             soft_wrap=True,
         )
 
 
-def print_findings(console: Console, found: Findings, folder: Path) -> None:
-    """Print what holds, the table, what is doubtful, and where the study is."""
-    from aug3d_core.study.page import FIGURES, difference_text, figures
+def print_findings(console: Console, found: PaperFindings) -> None:
+    """Print the rows, the orderings and the warnings."""
+    from aug3d_core.studies.paper.page import FIGURES, difference_text, figures
 
-    if not console.is_terminal:
-        console.width = max(console.width, _WIDTH)
-    for part in dict.fromkeys(row.arm.part for row in found.rows):
-        chosen = [row for row in found.rows if row.arm.part == part]
+    widen(console)
+    for part, rows in found.parts.items():
         table = Table("arm", title=f"{part}; PSNR in dB")
         for heading in FIGURES:
             table.add_column(heading, justify="right")
-        for row in chosen:
+        for row in rows:
             table.add_row(row.name, *figures(row))
         console.print(table)
-    verdicts = Table("statement", "on this scene", "difference", title=found.study.question)
-    for tested in found.tested:
-        told = "\n".join(f"{difference_text(d)} over {d.second}" for d in tested.differences)
-        verdicts.add_row(tested.ordering.claim, tested.verdict, told)
+    verdicts = Table("statement", "on this scene", "difference", title=found.table.question)
+    for judged in found.orderings:
+        differences = "\n".join(f"{difference_text(d)} over {d.second}" for d in judged.differences)
+        verdicts.add_row(judged.ordering.claim, judged.verdict, differences)
     console.print(verdicts)
     for row in found.rows:
         for note in row.notes:
             console.print(f"note {row.name}: {note}", markup=False, highlight=False)
-    console.print(f"page, chart and data: {folder}", highlight=False, soft_wrap=True)
-    console.print(f"all studies on one page: {folder.parents[1] / layout.STORY}", highlight=False, soft_wrap=True)

@@ -1,8 +1,13 @@
-"""A study as a Prefect flow, for those who start it in the Prefect UI."""
+"""Studies as Prefect flows: those of the Prefect UI, and the one in which a study of the command line runs.
+
+A step that is missing is a task of the flow, the same as in a run of the factory.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, Literal, TypeVar
 
 from prefect import flow
 from prefect.client.schemas.objects import State
@@ -10,53 +15,67 @@ from prefect.states import Completed, Failed
 from pydantic import Field
 
 from aug3d_core.bench.machine import describe_machine
+from aug3d_core.factory.walk import Make
 from aug3d_core.store.store import Store
-from aug3d_core.study.augmentation import augmentation_study
-from aug3d_core.study.cell import Result
-from aug3d_core.study.effort import repeats, study_effort
-from aug3d_core.study.findings import findings
-from aug3d_core.study.grouping import grouping_study
-from aug3d_core.study.run import run_study
-from aug3d_core.study.scene import open_scene
-from aug3d_core.study.write import write_study
-from aug3d_core.tradeoff.arm import Result as Tried
-from aug3d_core.tradeoff.findings import crashes
-from aug3d_core.tradeoff.page import in_words
-from aug3d_core.tradeoff.scene import open_scene as open_studied
-from aug3d_core.tradeoff.study import study_scene as study_tradeoff
-from aug3d_core.tradeoff.write import write_study as write_tradeoff
+from aug3d_core.studies.common.cell import Result, make_cells
+from aug3d_core.studies.common.publication import Publication
+from aug3d_core.studies.common.write import write_study
+from aug3d_core.studies.paper.augmentation import augmentation_table
+from aug3d_core.studies.paper.effort import repeats, study_effort
+from aug3d_core.studies.paper.findings import findings as paper_findings
+from aug3d_core.studies.paper.grouping import grouping_table
+from aug3d_core.studies.paper.page import publication as paper_publication
+from aug3d_core.studies.paper.scene import open_finished
+from aug3d_core.studies.paper.tables import make_table
+from aug3d_core.studies.stability.catalogue import cells_of, chosen, size_of
+from aug3d_core.studies.stability.cell import make_cell
+from aug3d_core.studies.stability.findings import findings as stability_findings
+from aug3d_core.studies.stability.page import publication as stability_publication
+from aug3d_core.studies.tradeoff.findings import crashes
+from aug3d_core.studies.tradeoff.page import in_words
+from aug3d_core.studies.tradeoff.page import publication as tradeoff_publication
+from aug3d_core.studies.tradeoff.scene import open_studied
+from aug3d_core.studies.tradeoff.study import study_scene as study_tradeoff
 from flows.settings import home
 from tasks import artifacts
-from tasks.alive import alive
-from tasks.progress import listening, reporter
-from tasks.studies import log_study, log_tradeoff
+from tasks.progress import Listener, listening, reporter
+from tasks.run_locks import run_lock
+from tasks.studies import log_study, missing_through_prefect
 
-_STUDIES = {"grouping": grouping_study, "augmentation": augmentation_study}
+_TABLES = {"grouping": grouping_table, "augmentation": augmentation_table}
+FoundT = TypeVar("FoundT")
+
+
+def as_flow(store: Store, name: str, listener: Listener, study: Callable[[Make], FoundT]) -> FoundT:
+    """Run a study of the command line within a flow; returns what the study returns."""
+    found: list[FoundT] = []  # the flow itself returns nothing: Prefect would walk through every value
+
+    @flow(name="study from the command line", flow_run_name=name)
+    def run() -> None:
+        with run_lock(store.root), listening(listener):
+            found.append(study(missing_through_prefect(store)))
+
+    run()
+    return found[0]
 
 
 @flow(name="study", flow_run_name="{study} of {scene}")
 def study_scene(
     study: Annotated[Literal["grouping", "augmentation"], Field(description="Which of the paper's tables.")],
     scene: Annotated[str, Field(description="A scene with a finished run.")],
-    seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every arm, each with a seed of its own.")] = 3,
-    quick: Annotated[bool, Field(description="A few arms and few steps: minutes, for a look.")] = False,
+    seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every arm, each with another seed.")] = 3,
+    quick: Annotated[bool, Field(description="A few arms and few steps: takes minutes.")] = False,
 ) -> State:
-    """Make and judge a finished scene in several ways, with intervals; what was made before is found again."""
-    store = Store(home())
-    with alive(store.root), store.using():
-        arms = _STUDIES[study](quick)
-        opened = study_effort(open_scene(store, scene, None), quick, ())
-        with listening(artifacts.PrefectProgress()):
-            runs = repeats(seeds, quick)
-            results = run_study(store, arms, opened, runs, _say, _done)
-        found = findings(arms, opened, runs, results, describe_machine())
-        folder = write_study(store, found)
-        why = log_study(store, found, folder)
-        artifacts.publish_study(folder, arms.question)
-    told = f"{folder}; {why}" if why else str(folder)
+    """Make and judge a finished scene in several ways, with intervals. Outputs in the store are reused."""
+    with _working() as (store, make):
+        table, runs = _TABLES[study](quick), repeats(seeds, quick)
+        opened = study_effort(open_finished(store, scene, None), quick, ())
+        results = make_table(store, table, opened, runs, make, _done)
+        found = paper_findings(table, opened, runs, results, describe_machine())
+        message = _published(store, paper_publication(found))
     if found.failed:
-        return Failed(message=f"{found.failed} of {len(found.results)} runs failed; {told}")
-    return Completed(message=f"{len(found.results)} runs; {told}")
+        return Failed(message=f"{found.failed} of {len(found.results)} runs failed; {message}")
+    return Completed(message=f"{len(found.results)} runs; {message}")
 
 
 @flow(name="tradeoff", flow_run_name="speed against accuracy of {scenes}")
@@ -64,39 +83,71 @@ def tradeoff(
     scenes: Annotated[
         list[str], Field(description="demo for the built-in town, scenes of the registry, or with a finished run.")
     ] = ["demo"],
-    seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every arm, each with a seed of its own.")] = 3,
+    seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every arm, each with another seed.")] = 3,
     target_db: Annotated[
-        float | None, Field(description="PSNR that is enough (dB); none: 0.3 dB below the best that is tried.")
+        float | None, Field(description="PSNR that is enough [dB]; none: 0.3 dB below the best that is tried.")
     ] = None,
     search: Annotated[
-        bool, Field(description="Do not try everything: only look for the cheapest that is enough.")
+        bool, Field(description="Only search for the cheapest configuration that is enough; do not try everything.")
     ] = False,
-    only: Annotated[list[str], Field(description="Only panels with words that begin so, e.g. domes; none: all.")] = [],
-    quick: Annotated[bool, Field(description="Few settings, one seed, few steps, a smaller town: minutes.")] = False,
+    only: Annotated[
+        list[str], Field(description="Only panels with words that begin with these, e.g. domes; none: all.")
+    ] = [],
+    quick: Annotated[
+        bool, Field(description="Few settings, one seed, few steps, a smaller town: takes minutes.")
+    ] = False,
 ) -> State:
-    """Chart what every setting of the factory costs and gains; what was made before is found again."""
-    store, machine, told, crashed = Store(home()), describe_machine(), [], 0
-    with alive(store.root), store.using():
+    """Chart what every setting of the factory costs and gains. Outputs in the store are reused."""
+    messages, crashed = [], 0
+    with _working() as (store, make):
         for scene in [open_studied(store, name, None) for name in dict.fromkeys(scenes)]:
-            with listening(artifacts.PrefectProgress()):
-                runs = 1 if quick else seeds
-                found = study_tradeoff(store, scene, quick, runs, target_db, search, _say, _tried, only)
-            folder = write_tradeoff(store, found, machine)
-            artifacts.publish_study(folder, "What does accuracy cost?")
+            runs = 1 if quick else seeds
+            found = study_tradeoff(store, scene, quick, runs, target_db, search, make, _done, only)
+            message = _published(store, tradeoff_publication(found, describe_machine()))
             crashed += crashes(found)
-            told += [f"{scene.name}: {in_words(found)} {folder}", log_tradeoff(store, found, folder)]
+            messages.append(f"{scene.name}: {in_words(found)} {message}")
     if crashed:
-        return Failed(message=f"{crashed} runs ended in a way that no setting should bring about; {'; '.join(told)}")
-    return Completed(message="; ".join(filter(None, told)))
+        return Failed(message=f"{crashed} runs ended in a way that no setting should cause; {'; '.join(messages)}")
+    return Completed(message="; ".join(messages))
 
 
-def _say(stage: str, done: int, total: int, what: str) -> None:
-    reporter(stage)(done, total, what)
+@flow(name="stability", flow_run_name="where methods break")
+def stability(
+    only: Annotated[
+        list[str], Field(description="Only perturbations with words that begin with these; none: all.")
+    ] = [],
+    seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every cell, each with another seed.")] = 3,
+    quick: Annotated[
+        bool, Field(description="A few perturbations, harmless and ruinous, one seed: takes minutes.")
+    ] = False,
+) -> State:
+    """Find where each method breaks, and whether the factory notices. Outputs in the store are reused."""
+    runs = 1 if quick else seeds
+    cells = cells_of(chosen(only, quick), runs, quick)
+    with _working() as (store, make):
+        results = make_cells(cells, lambda cell: make_cell(store, cell, make), _done)
+        found = stability_findings(size_of(only, quick), runs, describe_machine(), results)
+        message = _published(store, stability_publication(store, found))
+    if found.silent or found.crashes:
+        return Failed(message=f"{len(found.silent)} silent failures and {len(found.crashes)} crashes; {message}")
+    return Completed(message=f"{len(results)} cells, none silent; {message}")
 
 
-def _done(result: Result, cells: int, total: int) -> None:
+@contextmanager
+def _working() -> Iterator[tuple[Store, Make]]:
+    """Hold the locks of the flow run and of the store, and show progress in the Prefect UI."""
+    store = Store(home())
+    with run_lock(store.root), store.using(), listening(artifacts.PrefectProgress()):
+        yield store, missing_through_prefect(store)
+
+
+def _published(store: Store, study: Publication) -> str:
+    """Write and log a study; return its folder, and why it was not logged."""
+    folder = write_study(store, study)
+    why = log_study(store, study, folder)
+    artifacts.publish_study(folder, study.question)
+    return f"{folder}; {why}" if why else str(folder)
+
+
+def _done(result: Result[Any], cells: int, total: int) -> None:
     reporter("cells")(cells, total, result.cell.name)
-
-
-def _tried(result: Tried, cells: int, total: int) -> None:
-    reporter("cells")(cells, total, result.name)

@@ -1,95 +1,79 @@
-"""`aug3d study stability`: every method at the place where it breaks, and whether the factory notices."""
+"""`aug3d study stability`: at which dose each method breaks, and whether the factory notices."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from aug3d_core.store import layout
-from aug3d_core.store.store import Store
-from flows.preflight import check_servers
 from flows.refusal import typed_errors
-from flows.settings import apply_local_environment
-from flows.study import HOME, AsJson, Home, Seeds, Watch
+from flows.study import HOME, AsJson, Home, Seeds, Watch, carry_out, print_folder, publish, using, widen
 
 if TYPE_CHECKING:
-    from aug3d_core.stability.cell import Result
-    from aug3d_core.stability.findings import Findings
-
-_WIDTH = 140
+    from aug3d_core.studies.stability.cell import StabilityResult
+    from aug3d_core.studies.stability.findings import StabilityFindings
 
 
 def study_stability(
     home: Home = HOME,
     only: Annotated[
-        list[str], typer.Option(metavar="WORDS", help="Only perturbations with words that begin so; repeatable.")
+        list[str],
+        typer.Option(metavar="WORDS", help="Only perturbations with words that begin with these; repeatable."),
     ] = [],
     seeds: Seeds = 3,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A few perturbations, harmless and ruinous, one seed: minutes, for a look.")
+        bool, typer.Option("--quick", help="A few perturbations, harmless and ruinous, one seed: takes minutes.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Worse and worse photographs, poses, meshes and settings: where does each method break, and who notices? (a night)
+    """Worse and worse photographs, poses, meshes and settings: where each method breaks, and what is noticed (a night).
 
     It needs no finished scene: small towns and exact worlds are made for it. Exit code 3 if a failure is silent or
-    something crashes. Killed half way? Run it again: what was made is found again.
+    something crashes. Killed half way? Run it again: outputs in the store are reused.
     """
+
     from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.stability.catalogue import cells_of, chosen
-    from aug3d_core.stability.findings import as_json as data
-    from aug3d_core.stability.findings import findings
-    from aug3d_core.stability.run import run_cells
-    from aug3d_core.stability.write import write_study
+    from aug3d_core.studies.common.cell import make_cells
+    from aug3d_core.studies.stability.catalogue import cells_of, chosen, size_of
+    from aug3d_core.studies.stability.cell import make_cell
+    from aug3d_core.studies.stability.findings import findings
+    from aug3d_core.studies.stability.page import publication
 
     with typed_errors(as_json):
-        store, runs = Store(home), 1 if quick else seeds
+        runs, console = 1 if quick else seeds, Console(stderr=True)
         cells = cells_of(chosen(only, quick), runs, quick)
-        size = "chosen" if only else "quick" if quick else "full"
-        with store.using():
-            check_servers()
-            apply_local_environment(store.root)
-            console = Console(stderr=True)
-            with Watch(console, len(cells)) as watch:
-                results = run_cells(store, cells, watch.say, _counting(watch))
-            found = findings(size, runs, describe_machine(), results)
-            folder = write_study(store, found)
-            from tasks.study_stability import log_stability  # Prefect and MLflow read their settings when imported
-
-            console.print(
-                f"map, page and data are written; telling MLflow of {len(results):,} runs ...", highlight=False
+        watch = Watch(console, len(cells), _outcome)
+        with using(home) as store:
+            results = carry_out(
+                store,
+                "where methods break",
+                watch,
+                lambda make: make_cells(cells, lambda cell: make_cell(store, cell, make), watch.done),
             )
-            if why := log_stability(store, found, folder):
-                console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
-            if as_json:
-                print(json.dumps(data(found) | {"folder": str(folder)}, indent=1))
-            else:
-                print_findings(Console(), found, folder)
+            found = findings(size_of(only, quick), runs, describe_machine(), results)
+            published = publication(store, found)
+            folder = publish(store, console, published)
+        if as_json:
+            print(json.dumps({**published.data, "folder": str(folder)}, indent=1))
+        else:
+            print_findings(Console(), found)
+            print_folder(folder)
         raise typer.Exit(3 if found.silent or found.crashes else 0)
 
 
-def _counting(watch: Watch):
-    def done(result: Result, cells: int, total: int) -> None:
-        judge = result.cell.perturbation.judge
-        figure = "no figure" if result.accuracy is None else f"{judge.name} {result.accuracy:.3g}"
-        broken = ", broken" if result.broken else ""
-        silent = ", SILENT" if result.silent else ""
-        watch.count(result.cell.name, f"{figure}{broken}; {result.state}{silent}", cells, total)
-
-    return done
+def _outcome(result: StabilityResult) -> str:
+    judge = result.arm.perturbation.judge
+    figure = "no figure" if result.accuracy is None else f"{judge.name} {result.accuracy:.3g}"
+    return f"{figure}{', broken' if result.broken else ''}; {result.state}{', SILENT' if result.silent else ''}"
 
 
-def print_findings(console: Console, found: Findings, folder: Path) -> None:
-    """Print where each method breaks, what is silent or crashed, and where the study is."""
-    if not console.is_terminal:
-        console.width = max(console.width, _WIDTH)
-    table = Table("perturbation", "method", "undisturbed", "breaks at", "and then is", "first noticed at")
+def print_findings(console: Console, found: StabilityFindings) -> None:
+    """Print where each method breaks, and what is silent or crashed."""
+    widen(console)
+    table = Table("perturbation", "method", "harmless dose", "breaks at", "state there", "first reported at")
     last = ""
     for row in found.rows:
         breaking, noticed, unit = row.breaking, row.noticed, row.perturbation.dose_unit
@@ -109,7 +93,5 @@ def print_findings(console: Console, found: Findings, folder: Path) -> None:
         what = "crash" if result.state == "crash" else "silent"
         console.print(f"{what}: {result.cell.name} {result.failure}", markup=False, highlight=False)
     counts = {"cells": found.results, "silent failures": found.silent, "crashes": found.crashes}
-    counts["alarms without cause"] = found.false_alarms
+    counts["false alarms"] = found.false_alarms
     console.print("; ".join(f"{len(of)} {name}" for name, of in counts.items()), highlight=False)
-    console.print(f"page, map and data: {folder}", highlight=False, soft_wrap=True)
-    console.print(f"all studies on one page: {folder.parents[1] / layout.STORY}", highlight=False, soft_wrap=True)

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from aug3d_core.folds import stage_of
-from aug3d_core.scene_config import AUTO
+from aug3d_core.factory.config import AUTO
+from aug3d_core.factory.plan import stage_of
 from flows.display import figure
 
 _WIDTH = 120

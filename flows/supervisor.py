@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 
 import psutil
 
-from aug3d_core.errors import StoreError
-from aug3d_core.isolation import log_tail
-from aug3d_core.parent import SUPERVISED, adopt_orphans
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.linux_process import SUPERVISED, adopt_orphans
+from aug3d_core.run.process import log_tail
 from flows.services import MLFLOW, PREFECT, WORKER, Serving, clients, healthy, ready_file
 
 _PATIENCE_S = 180.0  # a busy machine needs far longer than an idle one's 10 s

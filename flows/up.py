@@ -16,7 +16,7 @@ import typer
 from filelock import FileLock, Timeout
 from rich.console import Console
 
-from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.preflight import check_servers

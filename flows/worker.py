@@ -31,16 +31,16 @@ from prefect.runner import Runner
 from prefect.states import AwaitingRetry, Cancelled, Crashed
 from prefect.types import DateTime
 
-from aug3d_core.errors import Aug3dError
-from aug3d_core.parent import SUPERVISED, die_with_parent
-from aug3d_core.registry.entry import SceneEntry
-from aug3d_core.registry.files import read_each
+from aug3d_core.run.errors import Aug3dError
+from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
+from aug3d_core.scene_files.entry import SceneEntry
+from aug3d_core.scene_files.files import read_each
 from aug3d_core.store.store import Store
 from flows.deployments import SCENE, of_everything, of_scene
 from flows.services import tell_ready
 from flows.settings import OURS, home
-from tasks.alive import has_process
-from tasks.outbox import waiting
+from tasks.mlflow_outbox import waiting
+from tasks.run_locks import has_process
 from tasks.tracking import flush
 
 RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs

@@ -18,19 +18,19 @@ from prefect.artifacts import (
 )
 from prefect.runtime import flow_run
 
-from aug3d_core.charts.comparison import Comparison, change_text
-from aug3d_core.charts.thumbnails import thumbnail_jpeg
-from aug3d_core.side_reports import failures_logged
+from aug3d_core.metrics.comparison import Comparison, change_text
+from aug3d_core.report.thumbnails import thumbnail_jpeg
+from aug3d_core.run.progress import failures_logged
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 
 if TYPE_CHECKING:
-    from tasks.objects import Made
+    from aug3d_core.factory.walk import Visit
 
 _TELL_EVERY_S = 2.0
 
 
-def publish(store: Store, made: Made) -> None:
+def publish(store: Store, made: Visit) -> None:
     """Leave a step's figures and pictures with the flow run."""
     record = made.record
     rows = [
@@ -135,7 +135,7 @@ class PrefectProgress:
             assert isinstance(made, UUID)  # outside of an event loop it is no coroutine
             self._of[step] = made
 
-    def finished(self, made: Made) -> None:
+    def finished(self, made: Visit) -> None:
         """Fill the bar; a call that fails is logged."""
         if made.step.name in self._of:
             with failures_logged():

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from mlflow.tracking import MlflowClient
 
-from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store.scenes import masked, mlflow_address
 from aug3d_core.store.store import Store
-from tasks.reach import unreachable
+from tasks.ping import unreachable
 from tasks.tracking import TROUBLE, said
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from aug3d_core.stage import Progress
+from aug3d_core.run.stage import Progress
 
 if TYPE_CHECKING:
-    from tasks.objects import Made
+    from aug3d_core.factory.walk import Visit
 
 
 class Listener(Protocol):
@@ -21,7 +21,7 @@ class Listener(Protocol):
     def advanced(self, step: str, done: int, total: int, what: str) -> None:
         """A step has done `done` of `total`."""
 
-    def finished(self, made: Made) -> None:
+    def finished(self, made: Visit) -> None:
         """A step's object is there."""
 
 
@@ -44,7 +44,7 @@ def started(step: str) -> None:
         listener.started(step)
 
 
-def finished(made: Made) -> None:
+def finished(made: Visit) -> None:
     """Pass on that a step's object is there."""
     for listener in _listeners:
         listener.finished(made)

@@ -18,9 +18,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import masked, mlflow_address, records_of, version_metrics
 from aug3d_core.store.store import Store
-from tasks.outbox import Entry, my_turn, put, waiting
-from tasks.reach import unreachable
-from tasks.registry import name_published
+from tasks.mlflow_outbox import Entry, my_turn, put, waiting
+from tasks.model_registry import name_published
+from tasks.ping import unreachable
 from tasks.version_run import log_version
 
 TROUBLE = (MlflowException, SQLAlchemyError, OSError)  # of the server, of the database, of the artifacts' folder

@@ -11,12 +11,13 @@ from mlflow.entities import Dataset, DatasetInput, InputTag, Metric, Param, Run
 from mlflow.tracking import MlflowClient
 from mlflow.utils.mlflow_tags import MLFLOW_DATASET_CONTEXT, MLFLOW_PARENT_RUN_ID, MLFLOW_RUN_NOTE, MLFLOW_SOURCE_NAME
 
-from aug3d_core.charts.flat import flat_params, headline, needs_params, numbers, settings_of, step_values
-from aug3d_core.folds import stage_of
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.factory.plan import stage_of
+from aug3d_core.metrics.flat import flat_params, headline, needs_params, numbers, settings_of, step_values
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
-from tasks.registry import register
+from tasks.model_registry import register
 
 _METRICS, _PARAMS = 1000, 100  # MLflow refuses more in one call
 _DIGEST = 12  # letters of a data set's digest that the UI has room for; its profile holds all
@@ -119,7 +120,7 @@ def _log_pictures(client: MlflowClient, run_id: str, store: Store, record: Recor
 
 
 def _data_set(store: Store, scene: str, record: Record) -> DatasetInput:
-    source = json.dumps({"uri": str(store.files_dir(record) / layout.SCENE_ZARR)})
+    source = json.dumps({"uri": str(store.files_dir(record) / SCENE_ZARR)})
     profile = json.dumps({"digest": record.digest, **numbers(record.metrics)})
     data = Dataset(scene, record.digest[:_DIGEST], "local", source, profile=profile)
     return DatasetInput(data, [InputTag(MLFLOW_DATASET_CONTEXT, "training")])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import hypothesis
@@ -12,10 +13,14 @@ from jaxtyping import install_import_hook
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 
-# The shapes in the annotations are checked while testing; this must run before aug3d_core is imported.
+import tests.shapes  # noqa: F401  (the hook below looks it up by name)
+
+CORE = Path(__file__).parents[1] / "aug3d_core"
+# Array shapes and types in the annotations are checked while testing. This must run before aug3d_core is imported.
+# The scene files hold no arrays; hypothesis builds them and allows no chance in that, by which beartype picks list items.
 install_import_hook(
-    ["aug3d_core.formats", "aug3d_core.geometry", "aug3d_core.grouping", "aug3d_core.photos", "aug3d_core.sfm"],
-    "beartype.beartype",
+    [f"aug3d_core.{folder.name}" for folder in sorted(CORE.iterdir()) if folder.name != "scene_files"],
+    "tests.shapes.checked",
 )
 
 # Repeatable, quick, and deaf to a busy machine.
@@ -86,3 +91,21 @@ def real_photos() -> Path:
     if not REAL_PHOTOS.is_dir():
         pytest.skip(f"the real photo sets are not at {REAL_PHOTOS}")
     return REAL_PHOTOS
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
+    """Mount a disk of so many MiB and return its folder; skip where that is not allowed."""
+    folder = tmp_path / "small"
+
+    def mount(size_mib: int) -> Path:
+        folder.mkdir()
+        asked = ["mount", "-t", "tmpfs", "-o", f"size={size_mib}m", "tmpfs", str(folder)]
+        mounted = subprocess.run(asked, capture_output=True)
+        if mounted.returncode:
+            pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.decode().strip()}")
+        return folder
+
+    yield mount
+    if folder.is_mount():
+        subprocess.run(["umount", "-l", str(folder)], check=True)

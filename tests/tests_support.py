@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import signal
 import textwrap
+import time
 from pathlib import Path
 
-from aug3d_core.stage import Stage, StageConfig
+import psutil
+
+from aug3d_core.run.stage import Stage, StageConfig
 
 _RUN = """
     import os, signal, subprocess, sys, time
-    from aug3d_core.errors import InputError
-    from aug3d_core.stage import Outcome
+    from aug3d_core.run.errors import InputError
+    from aug3d_core.run.stage import Outcome
+    from tests_fake.config import FakeConfig
 
-    def run(inputs, config, out, progress):
+    def run(inputs, config: FakeConfig, out, progress):
         print("the log says", config.do)
         resumed = (out / "half").exists()
         (out / "half").write_text("x")
@@ -48,19 +52,14 @@ _RUN = """
         return Outcome(metrics={"figure": 1.5, "resumed": resumed}, series={"curve": ((0, 1.0), (1, 2.0))})
 """
 _MAIN = """
-    from aug3d_core import stages
-    from aug3d_core.stage_main import main
-    from tests_fake.config import FAKE
-    stages.STAGES[FAKE.name] = FAKE
+    from aug3d_core.run.stage_main import main
     main()
 """
 _CONFIG = """
-    from aug3d_core.stage import Stage, StageConfig
+    from aug3d_core.run.stage import StageConfig
 
     class FakeConfig(StageConfig):
         do: str = "succeed"
-
-    FAKE = Stage("fake", FakeConfig, (), "tests_fake.stage:run", (), "figure")
 """
 
 
@@ -83,3 +82,12 @@ def hear_signals() -> None:
     """Let a child hear Ctrl-C and the end of its terminal, though the tests were begun in the background, deaf to both."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
+
+
+def wait_until_dead(pid: int) -> None:
+    """Wait for a process to end, or fail after half a minute."""
+    for _ in range(600):
+        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"process {pid} lives on")

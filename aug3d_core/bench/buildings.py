@@ -9,14 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aug3d_core.bench.figure import Figure, at_least
-from aug3d_core.bench.trial import Measured, Say, Trial, run_trial
+from aug3d_core.domes.boxes import Buildings
+from aug3d_core.domes.building_chart import draw_buildings
+from aug3d_core.domes.files import BUILDINGS
 from aug3d_core.geometry.views import Views
-from aug3d_core.sampling.boxes import Buildings
-from aug3d_core.sampling.building_chart import draw_buildings
+from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
-from aug3d_core.testbed.building_boxes import read_footprints, score_boxes, true_boxes
-from aug3d_core.testbed.pose_errors import true_from_found
+from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
+from aug3d_core.town.files import TRUTH_FOOTPRINTS, TRUTH_POSES
+from aug3d_core.town.truth.building_boxes import read_footprints, score_boxes, true_boxes
+from aug3d_core.town.truth.pose_errors import true_from_found
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return how well boxes are found, and what the sampling took; pictures lie beside the benchmark's figures."""
     found: dict[str, Figure] = {}
     for land in (*LANDS, *(SAM_LANDS if scene.config().sampling.sam_weights else ())):
-        trial = run_trial(store, "sampling", scene, land.overrides, say)
+        trial = run_trial(store, "sampling", scene, land.overrides, directly(store, say))
         found |= land_figures(store, trial, land)
     return found
 
@@ -49,11 +52,11 @@ def land_figures(store: Store, trial: Trial, land: Land) -> dict[str, Figure]:
     if "sampling" not in trial.records:
         return {key: _unmeasured(land, trial.failure)}
     folders = {name: store.files_dir(trial.records[name]) for name in ("town", "sfm", "sampling")}
-    if not (folders["sampling"] / layout.BUILDINGS).exists():
+    if not (folders["sampling"] / BUILDINGS).exists():
         return {key: _unmeasured(land, "no ground was found to measure heights from")}
-    found = Buildings.load(folders["sampling"] / layout.BUILDINGS)
-    views, truth = Views.load(folders["sfm"] / layout.VIEWS), Views.load(folders["town"] / layout.TRUTH_POSES)
-    outlines = read_footprints(folders["town"] / layout.TRUTH_FOOTPRINTS)
+    found = Buildings.load(folders["sampling"] / BUILDINGS)
+    views, truth = Views.load(folders["sfm"] / VIEWS), Views.load(folders["town"] / TRUTH_POSES)
+    outlines = read_footprints(folders["town"] / TRUTH_FOOTPRINTS)
     asked, allowed = true_boxes(outlines, true_from_found(views, truth), found)
     pictures = store.root / layout.BENCH_PICTURES
     pictures.mkdir(parents=True, exist_ok=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from aug3d_core.bench.figure import Figure, at_most, told
-from aug3d_core.bench.trial import Measured, Say, run_trial
 from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
 
 METHODS = ("spiral", "dome", "grid", "buildings")
 SEEDS = range(3)
@@ -26,7 +26,7 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """
     answer: dict[str, Figure] = {}
     for method in METHODS:
-        trial = run_trial(store, "sampling", scene, (f"sampling.method={method}",), say)
+        trial = run_trial(store, "sampling", scene, (f"sampling.method={method}",), directly(store, say))
         for name, unit in FIGURES.items():
             answer[f"sampling_{method}_{name}"] = Figure(told(trial, "sampling", name), unit, failure=trial.failure)
         seconds = trial.seconds(("sampling",)) if "sampling" in trial.records else None
@@ -36,7 +36,10 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
 
 def _worst_ratio(store: Store, scene: Measured, say: Say) -> Figure:
     """Return the ratio of the seed at which the choice saves least."""
-    trials = [run_trial(store, "sampling", scene, ("sampling.method=grid", f"sampling.seed={s}"), say) for s in SEEDS]
+    trials = [
+        run_trial(store, "sampling", scene, ("sampling.method=grid", f"sampling.seed={s}"), directly(store, say))
+        for s in SEEDS
+    ]
     ratios = [told(trial, "sampling", "coverage_views_ratio") for trial in trials]
     known = [ratio for ratio in ratios if ratio is not None]
     return at_most(0.5, max(known) if len(known) == len(SEEDS) else None, "ratio")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aug3d_core.bench.trial import Trial
+from aug3d_core.studies.common.trial import Trial
 
 
 @dataclass(frozen=True)

@@ -6,18 +6,19 @@ import shutil
 from pathlib import Path
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
-from aug3d_core.bench.trial import Measured, Say, Trial, run_trial
 from aug3d_core.geometry.views import Views
+from aug3d_core.sfm.files import VIEWS
 from aug3d_core.sfm.spread import spread_pct
-from aug3d_core.store import layout
 from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
+from aug3d_core.town.files import TOWN_PHOTOS
 
 POSES, MESH = ("matching", "sfm"), ("depth", "surface")
 
 
 def town_figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return how far the town's poses, depth and mesh are from its truth."""
-    trial = run_trial(store, "mesh_truth", scene, (), say)
+    trial = run_trial(store, "mesh_truth", scene, (), directly(store, say))
     if trial.failure:
         return {"town": Figure(None, "", None, None, trial.failure)}
     stages = [name for name in trial.records if name != "town"]
@@ -50,7 +51,8 @@ def pairs_speedup(store: Store, scene: Measured, say: Say, photos: Path | None) 
     Processor time; only the comparing counts (with the choosing), since both need the same features. One run each.
     """
     chosen, full = (
-        run_trial(store, "sfm", scene, (f"matching.pairs={way}",), say, photos) for way in ("coarse", "exhaustive")
+        run_trial(store, "sfm", scene, (f"matching.pairs={way}",), directly(store, say), photos)
+        for way in ("coarse", "exhaustive")
     )
     seconds, full_seconds = (told(trial, "matching", "match_cpu_seconds") for trial in (chosen, full))
     registered, full_registered = (told(trial, "sfm", "registered") for trial in (chosen, full))
@@ -67,8 +69,8 @@ def pose_spread(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     ways = {"seeds": ("sfm.seed=0", "sfm.seed=1", "sfm.seed=2"), "mappers": ("sfm.seed=0", "sfm.mapper=global")}
     figures = {}
     for name, overrides in ways.items():
-        trials = [run_trial(store, "sfm", scene, (override,), say) for override in overrides]
-        runs = [Views.load(store.files_dir(t.records["sfm"]) / layout.VIEWS) for t in trials if "sfm" in t.records]
+        trials = [run_trial(store, "sfm", scene, (override,), directly(store, say)) for override in overrides]
+        runs = [Views.load(store.files_dir(t.records["sfm"]) / VIEWS) for t in trials if "sfm" in t.records]
         value = spread_pct(runs) if len(runs) == len(trials) else None
         figures[f"town_pose_spread_{name}_pct"] = Figure(value, "% of extent")
     return figures
@@ -76,8 +78,8 @@ def pose_spread(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
 
 def growth(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return what it costs to add to the town's photographs as near a tenth as can be, over starting anew: processor time."""
-    fresh = run_trial(store, "sfm", scene, (), say)
-    photos = sorted((store.files_dir(fresh.records["town"]) / layout.TOWN_PHOTOS).iterdir())
+    fresh = run_trial(store, "sfm", scene, (), directly(store, say))
+    photos = sorted((store.files_dir(fresh.records["town"]) / TOWN_PHOTOS).iterdir())
     aside = Store(store.root / "growth")  # where no reconstruction of all photographs is known yet
     folder = aside.root / "photos"
     shutil.rmtree(folder, ignore_errors=True)  # a benchmark that was killed may have left all photographs there
@@ -85,15 +87,15 @@ def growth(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     new = photos[5::11]  # round(n / 11) of them, spread over the flight: ten others and one make eleven
     for photo in set(photos) - set(new):
         shutil.copy(photo, folder)
-    run_trial(aside, "sfm", scene, (), say, folder)
+    run_trial(aside, "sfm", scene, (), directly(aside, say), folder)
     for photo in photos:
         shutil.copy(photo, folder)
-    grown = run_trial(aside, "sfm", scene, (), say, folder)
+    grown = run_trial(aside, "sfm", scene, (), directly(aside, say), folder)
     if "sfm" not in grown.records or "sfm" not in fresh.records:
         return {"growth_cost_share": Figure(None, "share", 0.25, False, grown.failure or fresh.failure)}
     return {
         "growth_cost_share": at_most(0.25, grown.cpu_seconds(POSES) / fresh.cpu_seconds(POSES), "share"),
         "growth_registered_share": at_least(
-            1.0, float(len(Views.load(aside.files_dir(grown.records["sfm"]) / layout.VIEWS)) / len(photos)), "share"
+            1.0, float(len(Views.load(aside.files_dir(grown.records["sfm"]) / VIEWS)) / len(photos)), "share"
         ),
     }

@@ -10,15 +10,16 @@ import shutil
 from pathlib import Path
 from typing import get_args
 
-from aug3d_core.bench.edge_cases import draw_cases, try_case
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
-from aug3d_core.bench.trial import Measured, Say, Trial, run_trial
-from aug3d_core.grouping.comparison import BEST
-from aug3d_core.grouping.methods import METHODS
+from aug3d_core.groups.methods import METHODS
+from aug3d_core.overlap.comparison import BEST
+from aug3d_core.overlap.files import GROUPS_COLUMNS, GROUPS_MAP
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
-from aug3d_core.testbed.config import FlightPath
-from aug3d_core.testbed.edge_cases import edge_cases
+from aug3d_core.studies.common.edge_case_trial import draw_cases, try_case
+from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
+from aug3d_core.town.config import FlightPath
+from aug3d_core.town.truth.edge_cases import edge_cases
 
 PATHS: tuple[str, ...] = get_args(FlightPath)
 OURS = "shared"
@@ -31,7 +32,7 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Return for each way the share of bad members at K = 10: over the worst path, path by path, and on the edge cases."""
     pictures = store.root / layout.BENCH_PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
-    trials = {path: run_trial(store, "overlap", scene, (f"town.path={path}",), say) for path in PATHS}
+    trials = {path: run_trial(store, "overlap", scene, (f"town.path={path}",), directly(store, say)) for path in PATHS}
     for path, trial in trials.items():
         _keep_pictures(store, trial, pictures, path)
     return path_figures(trials) | edge_case_figures(pictures)
@@ -91,5 +92,5 @@ def _bad(trial: Trial, way: str) -> float | None:
 
 def _keep_pictures(store: Store, trial: Trial, pictures: Path, path: str) -> None:
     if "overlap" in trial.records:
-        for name in (layout.GROUPS_MAP, layout.GROUPS_COLUMNS):
+        for name in (GROUPS_MAP, GROUPS_COLUMNS):
             shutil.copy(store.files_dir(trial.records["overlap"]) / name, pictures / f"{path}_{name}")

@@ -7,7 +7,7 @@ import platform
 from datetime import UTC, datetime
 from pathlib import Path
 
-from aug3d_core.memory import total_bytes
+from aug3d_core.run.memory import total_bytes
 
 
 def describe_machine() -> str:

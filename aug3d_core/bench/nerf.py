@@ -1,4 +1,4 @@
-"""The network: how much faster than its plain version, how good on the town, and how soon as good as the paper's settings."""
+"""Benchmark the network: its speed against its plain version, and its quality on the town."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
-from aug3d_core.bench.trial import Measured, Say, Trial, run_trial
-from aug3d_core.nerf.config import TRAINING_PRESETS, TrainingConfig
-from aug3d_core.nerf.speed_job import FAST, PLAIN, RaceJob, RaceTold, SpeedJob, SpeedTold
-from aug3d_core.store import layout
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.heads.pixelnerf.config import TRAINING_PRESETS, TrainingConfig
+from aug3d_core.heads.pixelnerf.speed_job import FAST, PLAIN, SpeedJob, SpeedTold
+from aug3d_core.run.helper_process import run_worker
 from aug3d_core.store.store import Store
-from aug3d_core.worker import run_worker
+from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
 
 SIDE_PX, RAYS, REPEATS = 64, 512, 3
 SIZES = {
@@ -21,26 +21,26 @@ SIZES = {
     "h256": {"hidden": 256, "coarse_samples": 64, "fine_samples": 16, "depth_samples": 16},
 }
 GOALS = {"h64": (3.0, 6.0), "h256": (1.4, 2.0)}  # training, rendering
-EQUAL = 1e-4  # of colours in [0, 1]: a fortieth of an 8-bit step; sums in another order differ by less
+EQUAL = 1e-4  # of colours in [0, 1]: 1/40 of an 8-bit step; summing in another order changes less
 SIMPLE = ("mean_colour", "nearest_copy", "ground_homography")  # the cheap answers that need no mesh
 
 
-def figures(store: Store, scene: Measured, say: Say, minutes: float) -> dict[str, Figure]:
-    """Measure the network on the town's data set; `minutes` is how long the paper's settings are trained."""
-    trial = run_trial(store, "evaluation", scene, (), say)
+def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
+    """Measure the network on the town's data set."""
+    trial = run_trial(store, "evaluation", scene, (), directly(store, say))
     if trial.failure:
         return {"town_psnr": Figure(None, "dB", None, None, trial.failure)}
-    packed = store.files_dir(trial.records["dataset"]) / layout.SCENE_ZARR
+    packed = store.files_dir(trial.records["dataset"]) / SCENE_ZARR
     found: dict[str, Figure] = {}
     for size in SIZES:
         found |= speed_figures(packed, size, say)
     apart = max(found[f"output_max_abs_diff_{size}"].value or 0.0 for size in SIZES)
     found["output_max_abs_diff"] = at_most(EQUAL, apart, "1")
-    return found | town_figures(trial) | race_figures(packed, scene.config().training, minutes, say)
+    return found | town_figures(trial)
 
 
 def speed_figures(packed: Path, size: str, say: Say) -> dict[str, Figure]:
-    """Compare with the plain network: one group of 3 views, the paper's network at this size, encoder frozen and trained."""
+    """Compare with the plain network: one group of 3 views, the paper's network of this size, encoder frozen and trained."""
     train_goal, render_goal = GOALS[size]
     frozen = paper(SIZES[size])
     one = _measure(packed, frozen, f"network of {size}", say)
@@ -61,7 +61,7 @@ def speed_figures(packed: Path, size: str, say: Say) -> dict[str, Figure]:
 
 
 def town_figures(trial: Trial) -> dict[str, Figure]:
-    """Return how good the model is beside the cheap answers, and what it took."""
+    """Compare the model with the cheap answers, and return its training time."""
     psnr, mesh = told(trial, "evaluation", "test_psnr_mean"), told(trial, "evaluation", "cheap_mesh_render")
     simple = [told(trial, "evaluation", f"cheap_{name}") for name in SIMPLE]
     over = psnr - max(answer for answer in simple if answer is not None) if psnr is not None else None
@@ -71,20 +71,6 @@ def town_figures(trial: Trial) -> dict[str, Figure]:
         "town_psnr_over_mesh_render": Figure(psnr - mesh if psnr is not None and mesh is not None else None, "dB"),
         "town_training_seconds": at_most(600.0, trial.seconds(["training"]), "s"),
         "loader_wait_share": at_most(0.05, told(trial, "training", "loader_wait_share"), "share"),
-    }
-
-
-def race_figures(packed: Path, fast: TrainingConfig, minutes: float, say: Say) -> dict[str, Figure]:
-    """Return how soon the preset is as good as the paper's settings, plainly computed, after some minutes."""
-    say("race", 0, 1, f"the paper's settings, plainly, for {minutes:g} minutes; then the preset")
-    job = RaceJob(scene=packed, plain=TRAINING_PRESETS["paper"], fast=fast, seconds=60 * minutes)
-    told = RaceTold.model_validate_json(_answer("aug3d_core.nerf.race", job))
-    ratio = None if told.fast_seconds is None else told.fast_seconds / told.plain_seconds
-    return {
-        "time_to_reference_psnr_ratio": at_most(0.1, ratio, "ratio"),
-        "reference_psnr": Figure(told.plain_psnr, "dB"),
-        "reference_steps": Figure(told.plain_steps, "steps"),
-        "town_psnr_when_as_good": Figure(told.fast_psnr, "dB"),
     }
 
 
@@ -98,13 +84,10 @@ def _measure(packed: Path, config: TrainingConfig, what: str, say: Say, memory_o
     say("speed", 0, 1, what)
     repeats = 1 if memory_of else REPEATS
     job = SpeedJob(scene=packed, config=config, side_px=SIDE_PX, repeats=repeats, memory_of=memory_of)
-    return SpeedTold.model_validate_json(_answer("aug3d_core.nerf.speed", job))
-
-
-def _answer(module: str, job: SpeedJob | RaceJob) -> str:
+    module, remedy = "aug3d_core.heads.pixelnerf.speed", "measure on a smaller town"
     answers: list[str] = []
-    run_worker(module, job, answers.append, "the process that measures the network", "measure on a smaller town")
-    return answers[-1]
+    run_worker(module, job, answers.append, "the process that measures the network", remedy)
+    return SpeedTold.model_validate_json(answers[-1])
 
 
 def _ratio(seconds: Mapping[str, list[float]]) -> float:

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from aug3d_core.bench.figure import Figure
-from aug3d_core.bench.trial import Say
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import invert
 from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
-from aug3d_core.store import layout
-from aug3d_core.surface.raycast import Raycaster
+from aug3d_core.studies.common.trial import Say
+from aug3d_core.surface.files import MESH_TEXTURE, TEXTURED_MESH
 
 _VIEWS = 100  # of those that Cycles rendered, spread over them
 _SUBPIXELS = 3  # a side: about as many rays per pixel as rendering takes samples
@@ -24,7 +24,7 @@ _SUBPIXELS = 3  # a side: about as many rays per pixel as rendering takes sample
 def raycast_figures(surface: Path, cameras: dict[str, np.ndarray], shards: Path, say: Say) -> dict[str, Figure]:
     """Return the speed of ray casting, with one ray per pixel and with nine, and its PSNR to Cycles where both see surface."""
     found = {}
-    mesh = TexturedMesh.load(surface / layout.TEXTURED_MESH, surface / layout.MESH_TEXTURE)
+    mesh = TexturedMesh.load(surface / TEXTURED_MESH, surface / MESH_TEXTURE)
     caster = Raycaster(mesh.xyz, mesh.triangles)
     rgb, alpha = _rendered(shards)
     chosen = np.linspace(0, len(rgb) - 1, min(len(rgb), _VIEWS)).astype(int)

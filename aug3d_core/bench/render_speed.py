@@ -12,12 +12,12 @@ from jaxtyping import Float, Int
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from aug3d_core.bench.trial import Say
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.rendering.given import find_mesh
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard
 from aug3d_core.rendering.launch import render
-from aug3d_core.store import layout
+from aug3d_core.studies.common.trial import Say
+from aug3d_core.surface.files import MESH_TEXTURE, TEXTURED_MESH
 
 _VIEWS = 21  # of each value; the first is not counted, since it builds the tree
 _SAMPLES = (1, 2, 4, 8, 16, 32, 64)
@@ -104,7 +104,7 @@ def resized(cameras: dict[str, np.ndarray], width_px: int) -> dict[str, np.ndarr
 
 
 def _finer(surface: Path, times: int, scratch: Path) -> tuple[MeshFile, int]:
-    mesh = TexturedMesh.load(surface / layout.TEXTURED_MESH, surface / layout.MESH_TEXTURE)
+    mesh = TexturedMesh.load(surface / TEXTURED_MESH, surface / MESH_TEXTURE)
     for _ in range(times):
         mesh = quartered(mesh)
     file = MeshFile(path=scratch / "finer.npz", texture=scratch / "finer.png")

@@ -14,13 +14,15 @@ import numpy as np
 from aug3d_core.bench.figure import Figure, at_least, at_most
 from aug3d_core.bench.raycasting import raycast_figures
 from aug3d_core.bench.render_speed import draw_speeds, many_views, speeds
-from aug3d_core.bench.trial import Measured, Say, run_trial
+from aug3d_core.domes.files import CAMERAS
 from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.rendering.files import SHARDS
 from aug3d_core.rendering.given import read_cameras
 from aug3d_core.rendering.stage import run
-from aug3d_core.stage import Outcome
+from aug3d_core.run.stage import Outcome
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
 
 VIEWS, SIZE = 1000, (128, 96)
 SPEED_PICTURE = "rendering_speed.png"
@@ -28,16 +30,16 @@ SPEED_PICTURE = "rendering_speed.png"
 
 def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     """Render the town's mesh with Cycles and by ray casting, and chart the speed of Cycles."""
-    trial = run_trial(store, "sampling", scene, (), say)
+    trial = run_trial(store, "sampling", scene, (), directly(store, say))
     if trial.failure or not trial.metric("sampling", "views_planned"):
         return {"render_views_per_minute": Figure(None, "1/min", 200.0, False, trial.failure or "no view was planned")}
     surface, sampling = (store.files_dir(trial.records[name]) for name in ("surface", "sampling"))
     pictures = store.root / layout.BENCH_PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=store.root) as folder:
-        cameras = many_views(read_cameras(sampling / layout.CAMERAS), VIEWS, SIZE)
+        cameras = many_views(read_cameras(sampling / CAMERAS), VIEWS, SIZE)
         found, samples = cycles_figures(surface, cameras, Path(folder), say)
-        found |= raycast_figures(surface, cameras, Path(folder) / layout.SHARDS, say)
+        found |= raycast_figures(surface, cameras, Path(folder) / SHARDS, say)
         told = speeds(surface, cameras, samples, Path(folder), say)
     draw_speeds(told, pictures / SPEED_PICTURE)
     return found
@@ -50,7 +52,7 @@ def cycles_figures(surface: Path, cameras: dict[str, np.ndarray], out: Path, say
     worker processes' wall time, from start to end, that Cycles does not report as tracing: Python, loading bpy and the mesh,
     building the tree, handing the scene over, and files.
     """
-    np.savez(out / layout.CAMERAS, **cameras)  # type: ignore[arg-type]
+    np.savez(out / CAMERAS, **cameras)  # type: ignore[arg-type]
     start = time.monotonic()
     done = run(
         {"surface": surface, "sampling": out},

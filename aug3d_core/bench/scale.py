@@ -13,12 +13,12 @@ import numpy as np
 
 from aug3d_core.bench.big_scene import big_scene
 from aug3d_core.bench.figure import Figure, at_most
-from aug3d_core.bench.trial import Measured, Say
-from aug3d_core.grouping.config import GROUPING_PRESETS
-from aug3d_core.grouping.methods import METHODS
-from aug3d_core.grouping.scene import GroupingScene
-from aug3d_core.grouping.similarity import look_positions, shared_points, visibility
+from aug3d_core.geometry.shared_points import look_positions, shared_points, visibility
+from aug3d_core.groups.config import GROUPING_PRESETS
+from aug3d_core.groups.methods import METHODS
+from aug3d_core.groups.scene import GroupingScene
 from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Measured, Say
 
 PHOTOS, OBSERVATIONS = 10_000, 10_000_000
 _KIB_PER_MIB = 1024

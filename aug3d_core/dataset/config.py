@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from aug3d_core.stage import StageConfig
+from aug3d_core.run.stage import StageConfig
 
 
 class DatasetConfig(StageConfig):

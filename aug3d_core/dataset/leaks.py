@@ -16,7 +16,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from aug3d_core.dataset.scene import RENDERED, SPLITS, Scene
-from aug3d_core.grouping.footprint import footprints_apart
+from aug3d_core.geometry.footprint import footprints_apart
 
 GAP = 1.0  # footprints between where training and a target look
 SEEN_MEAN = 0.10  # of a target's points that training sees, over targets

@@ -11,7 +11,7 @@ import zarr
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, GROUPS, VIEW_ARRAYS, Scene, check
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.dataset.writer import FORMAT, VERSION, digest
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
 
 AGAIN = "pack the scene again (stage dataset)"
 

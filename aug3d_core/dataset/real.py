@@ -15,10 +15,12 @@ from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.dataset.slab import Slab
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.errors import InputError
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class RealViews:
 
 def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> RealViews:
     """Shrink every registered photograph to packed size and measure its bounds."""
-    views, points = Views.load(sfm / layout.VIEWS), Points.load(sfm / layout.POINTS)
-    tracks = Tracks.load(sfm / layout.TRACKS)
+    views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
+    tracks = Tracks.load(sfm / TRACKS)
     size = (config.width_px, config.height_px)
     fits = [fit(int(w), int(h), *size) for w, h in views.size]
     world_from_cam = homogeneous(invert(views.cam_from_world))
@@ -51,7 +53,7 @@ def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> R
         world_from_cam,
         intrinsics,
         np.array(bounds),
-        read_splits(grouping / layout.SPLIT_TABLE, views),
+        read_splits(grouping / SPLIT_TABLE, views),
         min(f.kept_share for f in fits),
     )
 
@@ -65,7 +67,7 @@ def read_splits(path: Path, views: Views) -> UInt8[np.ndarray, " n"]:
 
 
 def _photo(sfm: Path, photo_id: int) -> UInt8[np.ndarray, "h w 3"]:
-    with Image.open(sfm / layout.VIEW_IMAGES / layout.image_name(photo_id)) as image:
+    with Image.open(sfm / VIEW_IMAGES / image_name(photo_id)) as image:
         return np.asarray(image.convert("RGB"))
 
 

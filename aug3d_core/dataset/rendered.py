@@ -13,7 +13,8 @@ from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.slab import Slab
-from aug3d_core.store import layout
+from aug3d_core.domes.files import CAMERAS
+from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ def no_rendered(config: DatasetConfig) -> RenderedViews:
 
 def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, config: DatasetConfig) -> RenderedViews:
     """Collect the kept renders of every dome that still has `members` of them; none where no views were planned."""
-    table = pd.read_parquet(rendering / layout.RENDER_TABLE).sort_values(["dome_id", "view_id"])
+    table = pd.read_parquet(rendering / RENDER_TABLE).sort_values(["dome_id", "view_id"])
     kept = _whole_domes(table, members)
-    with np.load(sampling / layout.CAMERAS, allow_pickle=False) as file:
+    with np.load(sampling / CAMERAS, allow_pickle=False) as file:
         cameras = {name: file[name] for name in ("view_id", "world_from_cam", "intrinsics", "size")}
     order = np.argsort(cameras["view_id"])
     rows = order[np.searchsorted(cameras["view_id"], np.asarray(kept["view_id"]), sorter=order)]
@@ -85,7 +86,7 @@ def _renders(rendering: Path, table: pd.DataFrame):
     """Yield (colour, alpha, depth) of each row of the render table; each shard is opened once."""
     shards: dict[int, dict[str, np.ndarray]] = {}
     for shard in sorted(table["shard"].unique()):
-        with np.load(rendering / layout.SHARDS / layout.shard_name(int(shard)), allow_pickle=False) as file:
+        with np.load(rendering / SHARDS / shard_name(int(shard)), allow_pickle=False) as file:
             shards[shard] = {name: file[name] for name in ("rgb", "alpha", "depth")}
     for shard, row in zip(table["shard"], table["row"], strict=True):
         arrays = shards[shard]

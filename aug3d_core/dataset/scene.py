@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float16, Int, UInt8
 
 from aug3d_core.dataset.slab import Slab
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
 
 REAL, RENDERED = 0, 1
 SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`

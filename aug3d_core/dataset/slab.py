@@ -24,8 +24,8 @@ class Slab:
     low: float
     high: float
 
-    def height(self, points_in_world: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Return heights above the ground plane."""
+    def height(self, points_in_world: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"] | float:
+        """Return heights above the ground plane, a number for a single point."""
         x, y, z = np.moveaxis(points_in_world, -1, 0)
         return z - (self.a * x + self.b * y + self.c)
 

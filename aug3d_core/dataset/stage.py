@@ -16,6 +16,7 @@ from PIL import Image
 from aug3d_core.dataset.bounds import edge_rays
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.contact import save_contact_sheet
+from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
 from aug3d_core.dataset.images import CONVENTION, fit
 from aug3d_core.dataset.leaks import Check, Sight, audit, report
 from aug3d_core.dataset.real import RealViews, pack_real
@@ -23,12 +24,18 @@ from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendere
 from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.dataset.writer import write
-from aug3d_core.errors import InputError
+from aug3d_core.domes.files import CAMERAS
+from aug3d_core.geometry.footprint import footprints
+from aug3d_core.geometry.shared_points import look_positions, visibility
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.grouping.footprint import footprints
-from aug3d_core.grouping.similarity import look_positions, visibility
-from aug3d_core.stage import Outcome, Progress
-from aug3d_core.store import layout
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.photos.files import image_name
+from aug3d_core.rendering.files import RENDER_TABLE
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Outcome, Progress
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.surface.files import BASELINE_RENDERS, MESH, MESH_SOURCES
 
 CONVENTIONS = {
     "world": "z up; east, north, up in metres where the photographs have GPS",
@@ -42,21 +49,21 @@ CONVENTIONS = {
     "images": CONVENTION,
 }
 SOURCES = (
-    ("sfm", layout.VIEWS),
-    ("sfm", layout.POINTS),
-    ("grouping", layout.SPLIT_TABLE),
-    ("grouping", layout.GROUPS),
-    ("surface", layout.MESH),
-    ("sampling", layout.CAMERAS),
-    ("rendering", layout.RENDER_TABLE),
+    ("sfm", VIEWS),
+    ("sfm", POINTS),
+    ("grouping", SPLIT_TABLE),
+    ("grouping", GROUPS),
+    ("surface", MESH),
+    ("sampling", CAMERAS),
+    ("rendering", RENDER_TABLE),
 )
 
 
 def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: Progress) -> Outcome:
     """Pack the scene's views and groups, audit them for leaks, and write the store."""
-    points = Points.load(inputs["sfm"] / layout.POINTS)
+    points = Points.load(inputs["sfm"] / POINTS)
     slab = slab_of(points.xyz, config.outlier_share, config.margin_share)
-    with np.load(inputs["grouping"] / layout.GROUPS, allow_pickle=False) as file:
+    with np.load(inputs["grouping"] / GROUPS, allow_pickle=False) as file:
         members, test_members = file["members"], file["test_members"]
     progress(0, 4, "photographs")
     real = pack_real(inputs["sfm"], inputs["grouping"], slab, config)
@@ -68,7 +75,7 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
     )
     baseline = _baseline(inputs["sfm"], inputs["surface"], np.unique(test_members[:, 0]), config)
     scene = _assemble(inputs, config, slab, real, rendered, baseline, {"real": members, "test": test_members})
-    sources = json.loads((inputs["surface"] / layout.MESH_SOURCES).read_text())
+    sources = json.loads((inputs["surface"] / MESH_SOURCES).read_text())
     checks = audit(scene, sources, _sight(inputs["sfm"], points))
     found = [sentence for check in checks if check.hard for sentence in check.found]
     if found:
@@ -76,9 +83,9 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
             f"the data set leaks: {found[0]} ({len(found)} in all)", "run the stages from grouping on again"
         )
     scene.attributes["leak_audit"] = report(checks, scene, sources)
-    (out / layout.LEAK_AUDIT).write_text(json.dumps(scene.attributes["leak_audit"], indent=1))
+    (out / LEAK_AUDIT).write_text(json.dumps(scene.attributes["leak_audit"], indent=1))
     progress(2, 4, "writing")
-    write(check(scene, layout.SCENE_ZARR), out / layout.SCENE_ZARR, config.shard_views)
+    write(check(scene, SCENE_ZARR), out / SCENE_ZARR, config.shard_views)
     progress(3, 4, "contact sheet")
     save_contact_sheet(scene, out / "contact_sheet.png")
     progress(4, 4, "done")
@@ -105,7 +112,7 @@ def _assemble(
         intrinsics=np.concatenate([real.intrinsics, rendered.intrinsics]),
         near_far=np.concatenate([real.near_far, rendered.near_far]),
         source=np.repeat([REAL, RENDERED], [n, m]).astype(np.uint8),
-        photo_id=np.concatenate([Views.load(inputs["sfm"] / layout.VIEWS).photo_id, np.full(m, -1)]).astype(np.int32),
+        photo_id=np.concatenate([Views.load(inputs["sfm"] / VIEWS).photo_id, np.full(m, -1)]).astype(np.int32),
         dome_id=np.concatenate([np.full(n, -1), rendered.dome_id]).astype(np.int32),
         splits=np.concatenate([real.splits, np.full(m, SPLITS.index("train"))]).astype(np.uint8),
         groups={name: rows.astype(np.int32) for name, rows in groups.items()},
@@ -124,7 +131,7 @@ def _assemble(
 
 
 def _sight(sfm: Path, points: Points) -> Sight:
-    tracks, count = Tracks.load(sfm / layout.TRACKS), len(Views.load(sfm / layout.VIEWS))
+    tracks, count = Tracks.load(sfm / TRACKS), len(Views.load(sfm / VIEWS))
     look, _ = look_positions(tracks, points.xyz, count)
     return Sight(look, footprints(tracks, points.xyz, look), visibility(tracks, count, len(points.xyz)))
 
@@ -144,10 +151,10 @@ def _baseline(
     sfm: Path, surface: Path, targets: np.ndarray, config: DatasetConfig
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (view, colour, alpha) of the mesh rendered at each target's pose."""
-    photo_id = Views.load(sfm / layout.VIEWS).photo_id
+    photo_id = Views.load(sfm / VIEWS).photo_id
     colours, alphas = [], []
     for view in targets:
-        with Image.open(surface / layout.BASELINE_RENDERS / layout.image_name(int(photo_id[view]))) as image:
+        with Image.open(surface / BASELINE_RENDERS / image_name(int(photo_id[view]))) as image:
             rgba = np.asarray(image.convert("RGBA"))
         crop = fit(rgba.shape[1], rgba.shape[0], config.width_px, config.height_px)
         colour, alpha, _ = crop.covered(rgba[..., :3], rgba[..., 3], np.zeros(rgba.shape[:2], np.float32))
@@ -163,7 +170,7 @@ def _digest(path: Path) -> str:
 def _outcome(
     scene: Scene, checks: list[Check], real: RealViews, rendered: RenderedViews, renders_wanted: bool, out: Path
 ) -> Outcome:
-    size = sum(file.stat().st_size for file in (out / layout.SCENE_ZARR).rglob("*") if file.is_file())
+    size = sum(file.stat().st_size for file in (out / SCENE_ZARR).rglob("*") if file.is_file())
     notes = []
     if rendered.domes_dropped:
         notes.append(f"{rendered.domes_dropped} domes lost a view to the render checks and are no groups")

@@ -13,7 +13,7 @@ from jaxtyping import UInt8
 from aug3d_core.depth.workspace import write_fusion_list
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.views import Views
-from aug3d_core.memory import total_bytes
+from aug3d_core.run.memory import total_bytes
 
 FEWEST_VIEWS = 2  # the maps hold only what others confirmed already
 MOST_OFF_PX = 1.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from aug3d_core.stage import Frozen
+from aug3d_core.run.stage import Frozen
 
 
 class PhotoTask(Frozen):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from aug3d_core.depth.job import DepthJob
-from aug3d_core.worker import run_worker
+from aug3d_core.run.helper_process import run_worker
 
 
 def run_jobs(jobs: list[DepthJob], on_photo: Callable[[], None]) -> list[list[float]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32
 
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
 
 
 def write_map(path: Path, values: Float32[np.ndarray, "h w *c"]) -> None:

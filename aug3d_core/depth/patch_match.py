@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pycolmap
 
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
 
 
 def choose_engine(wanted: str) -> tuple[str, str]:

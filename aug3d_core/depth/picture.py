@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from PIL import Image
 
+from aug3d_core.depth.files import DEPTH_MAPS, DEPTH_SHEET, NORMAL_MAPS, geometric_map_name
 from aug3d_core.depth.maps import read_map
 from aug3d_core.geometry.views import Views
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
 
 _HOLE = 128
 _GAP_PX = 6
@@ -56,9 +57,9 @@ def draw_sheet(out: Path, images: Path, views: Views, chosen: list[int]) -> None
     """Draw one row per view: photo, depth, normals."""
     rows = []
     for view in chosen:
-        name = layout.geometric_map_name(views.photo_id[view])
-        depth, normal = read_map(out / layout.DEPTH_MAPS / name), read_map(out / layout.NORMAL_MAPS / name)
-        with Image.open(images / layout.image_name(views.photo_id[view])) as image:
+        name = geometric_map_name(views.photo_id[view])
+        depth, normal = read_map(out / DEPTH_MAPS / name), read_map(out / NORMAL_MAPS / name)
+        with Image.open(images / image_name(views.photo_id[view])) as image:
             photo = image.convert("RGB")
         pictures = (depth_picture(depth), normal_picture(normal, views.cam_from_world[view]))
         size = (_WIDTH_PX, round(_WIDTH_PX * depth.shape[0] / depth.shape[1]))
@@ -70,4 +71,4 @@ def draw_sheet(out: Path, images: Path, views: Views, chosen: list[int]) -> None
         for column, picture in enumerate(row):
             sheet.paste(picture, (column * (_WIDTH_PX + _GAP_PX), top))
         top += row[0].height + _GAP_PX
-    sheet.save(out / layout.DEPTH_SHEET)
+    sheet.save(out / DEPTH_SHEET)

@@ -35,7 +35,7 @@ def scores(
     point, other = tracks.point[shared], tracks.view[shared]
     centre = centres(views.cam_from_world)
     angle_deg = _angles_deg(points.xyz[point], centre[view], centre[other])
-    score = np.bincount(other, angle_weight(angle_deg), minlength=len(views))
+    score = np.bincount(other, angle_weight(angle_deg), minlength=len(views)).astype(float)  # of nothing: integers
     score[np.bincount(other, minlength=len(views)) < FEWEST_SHARED] = 0.0
     return score
 

@@ -15,6 +15,8 @@ import numpy as np
 
 from aug3d_core.depth.cameras import depth_sizes
 from aug3d_core.depth.config import DepthConfig
+from aug3d_core.depth.decisions import decisions
+from aug3d_core.depth.files import BASELINE_FUSED, DENSE_WORKSPACE, DEPTH_MAPS, DEPTH_SHEET, FUSED, geometric_map_name
 from aug3d_core.depth.fusion import fuse
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.launch import run_jobs
@@ -24,12 +26,12 @@ from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
 from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, write_patch_match_list, write_workspace
-from aug3d_core.errors import InputError
+from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.grouping.roles import read_roles
-from aug3d_core.grouping.spread import evenly_spread
-from aug3d_core.stage import Inputs, Metric, Outcome, Progress
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import read_roles
 
 OTHERS_PER_SOURCE = 2  # depth maps compared, for each photograph compared: far cheaper, and they confirm the rims
 WORKERS = 2  # processes of one thread each; the result is the same for any number
@@ -39,9 +41,9 @@ PICTURE_ROWS = 4
 
 def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> Outcome:
     """Find depth, keep what other photographs confirm, and fuse it; raises InputError if no photographs overlap."""
-    sfm, workspace = inputs["sfm"], out / layout.DENSE_WORKSPACE
-    views, images = Views.load(sfm / layout.VIEWS), sfm / layout.VIEW_IMAGES
-    points, tracks = Points.load(sfm / layout.POINTS), Tracks.load(sfm / layout.TRACKS)
+    sfm, workspace = inputs["sfm"], out / DENSE_WORKSPACE
+    views, images = Views.load(sfm / VIEWS), sfm / VIEW_IMAGES
+    points, tracks = Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     role = read_roles(inputs["grouping"], len(views))
     train, given = role == "train", ~np.isin(role, ["target", ""])
     engine, reason = choose_engine(config.engine)
@@ -73,9 +75,9 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         planes = _sweep(tasks, inputs["sfm"], workspace, config, progress)
     seconds = time.monotonic() - started
     fused = fuse(workspace, views, [view for view in usable if train[view]])
-    fused.save(out / layout.FUSED)
+    fused.save(out / FUSED)
     baseline = fuse(workspace, views, usable)
-    baseline.save(out / layout.BASELINE_FUSED)
+    baseline.save(out / BASELINE_FUSED)
     draw_sheet(out, images, views, evenly_spread(np.array(usable), PICTURE_ROWS).tolist())
     shutil.rmtree(workspace / IMAGES)
     share = _consistent_share(out, views, usable)
@@ -99,7 +101,8 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         metrics=metrics,
         state="degraded" if notes else "ok",
         notes=notes,
-        pictures={"Photos, their depth (near is yellow) and normals; grey: no depth": layout.DEPTH_SHEET},
+        pictures={"Photos, their depth (near is yellow) and normals; grey: no depth": DEPTH_SHEET},
+        decisions=tuple(decisions(metrics)),
     )
 
 
@@ -115,8 +118,8 @@ def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConf
     with tempfile.TemporaryDirectory(dir=workspace.parent) as raw:
         common = DepthJob(
             step="sweep",
-            views=sfm / layout.VIEWS,
-            images=sfm / layout.VIEW_IMAGES,
+            views=sfm / VIEWS,
+            images=sfm / VIEW_IMAGES,
             raw=Path(raw),
             workspace=workspace,
             max_px=config.max_px,
@@ -131,7 +134,7 @@ def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConf
 
 
 def _consistent_share(out: Path, views: Views, chosen: list[int]) -> float:
-    maps = (read_map(out / layout.DEPTH_MAPS / layout.geometric_map_name(views.photo_id[view])) for view in chosen)
+    maps = (read_map(out / DEPTH_MAPS / geometric_map_name(views.photo_id[view])) for view in chosen)
     return float(np.mean([(depth > 0).mean() for depth in maps]))
 
 

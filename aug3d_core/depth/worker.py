@@ -16,14 +16,15 @@ import numpy as np
 from aug3d_core.depth.cameras import Camera, camera_of, depth_sizes
 from aug3d_core.depth.coherence import filled, without_islands
 from aug3d_core.depth.consistency import DepthMap, confirm
+from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.maps import read_map, write_map
 from aug3d_core.depth.normals import normals_of
 from aug3d_core.depth.search import Range, families_for, ranges_for, reduced
 from aug3d_core.depth.sweep import Photo, sweep
 from aug3d_core.geometry.views import Views
-from aug3d_core.store import layout
-from aug3d_core.worker import begin
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.helper_process import begin
 
 LEAST_SCORE = 0.4
 # Other depth maps that agree. Measured on two town photographs: asking for two keeps 54 to 58 % of the facades' pixels, not
@@ -47,10 +48,10 @@ class _Share:
         return camera_of(self.views, view, self.sizes[view])
 
     def raw_path(self, view: int) -> Path:
-        return self.job.raw / layout.geometric_map_name(int(self.views.photo_id[view]))
+        return self.job.raw / geometric_map_name(int(self.views.photo_id[view]))
 
     def _photo(self, view: int) -> Photo:
-        path = self.job.images / layout.image_name(int(self.views.photo_id[view]))
+        path = self.job.images / image_name(int(self.views.photo_id[view]))
         grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         camera = self.camera(view)
         if grey.shape != (camera.height, camera.width):
@@ -87,10 +88,10 @@ def compare_photo(share: _Share, task: PhotoTask) -> float:
     own = share.raw_depth(task.view)
     found = confirm(own, [share.raw_depth(view) for view in task.others])
     depth = np.where(found.agreeing >= ENOUGH_AGREE, found.depth, np.float32(0))
-    name = layout.geometric_map_name(int(share.views.photo_id[task.view]))
+    name = geometric_map_name(int(share.views.photo_id[task.view]))
     depth = without_islands(depth)
-    write_map(share.job.workspace / layout.WORKSPACE_DEPTH_MAPS / name, depth)
-    write_map(share.job.workspace / layout.WORKSPACE_NORMAL_MAPS / name, normals_of(depth, own.camera))
+    write_map(share.job.workspace / WORKSPACE_DEPTH_MAPS / name, depth)
+    write_map(share.job.workspace / WORKSPACE_NORMAL_MAPS / name, normals_of(depth, own.camera))
     return float((depth > 0).mean())
 
 

@@ -13,8 +13,9 @@ from jaxtyping import Int
 from PIL import Image
 
 from aug3d_core.depth.cameras import camera_of
+from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
 
 IMAGES, SPARSE, STEREO = "images", "sparse", "stereo"
 PATCH_MATCH_LIST, FUSION_LIST = "stereo/patch-match.cfg", "stereo/fusion.cfg"
@@ -33,13 +34,13 @@ def write_workspace(
     for name in (
         IMAGES,
         SPARSE,
-        layout.WORKSPACE_DEPTH_MAPS,
-        layout.WORKSPACE_NORMAL_MAPS,
+        WORKSPACE_DEPTH_MAPS,
+        WORKSPACE_NORMAL_MAPS,
         "stereo/consistency_graphs",
     ):
         (folder / name).mkdir(parents=True)
     for view in chosen:
-        name = layout.image_name(views.photo_id[view])
+        name = image_name(views.photo_id[view])
         with Image.open(photos / name) as image:
             small = image.convert("RGB").resize(tuple(sizes[view].tolist()), Image.Resampling.BOX)
         small.save(folder / IMAGES / name, compress_level=1)
@@ -68,7 +69,7 @@ def sparse_model(
             )
         )
         image = pycolmap.Image(
-            name=layout.image_name(views.photo_id[view]),
+            name=image_name(views.photo_id[view]),
             keypoints=tracks.xy[rows] * scale[view],
             camera_id=view + 1,
             image_id=view + 1,
@@ -91,11 +92,11 @@ def write_patch_match_list(folder: Path, views: Views, sources: dict[int, list[i
     lines = []
     for view, chosen in sources.items():
         if chosen:
-            names = (layout.image_name(views.photo_id[source]) for source in chosen)
-            lines += [layout.image_name(views.photo_id[view]), ", ".join(names)]
+            names = (image_name(views.photo_id[source]) for source in chosen)
+            lines += [image_name(views.photo_id[view]), ", ".join(names)]
     (folder / PATCH_MATCH_LIST).write_text("\n".join(lines) + "\n")
 
 
 def write_fusion_list(folder: Path, views: Views, chosen: list[int]) -> None:
     """List for COLMAP's fusion the views whose maps it reads."""
-    (folder / FUSION_LIST).write_text("".join(f"{layout.image_name(views.photo_id[view])}\n" for view in chosen))
+    (folder / FUSION_LIST).write_text("".join(f"{image_name(views.photo_id[view])}\n" for view in chosen))

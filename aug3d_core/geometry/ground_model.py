@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.interpolate import NdBSpline
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.ground_surface import GroundModel, Kind, knots
+from aug3d_core.run.errors import InputError
 
 _CELLS = 900
 _POINTS_PER_CELL = 8  # wanted, where points are few

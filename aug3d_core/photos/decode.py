@@ -11,8 +11,8 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.discover import file_digest
 from aug3d_core.photos.exif import Exif, read_exif
+from aug3d_core.run.digest import file_digest
 
 FORMATS = ("JPEG", "PNG", "TIFF")  # JPEG includes MPO, which some cameras write: its first picture is taken
 _SHARPNESS_PX = 512

@@ -8,10 +8,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from aug3d_core.errors import InputError
+from aug3d_core.run.digest import file_digest
+from aug3d_core.run.errors import InputError
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
-_BLOCK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,6 @@ def folder_digest(folder: Path) -> str:
     for name in sorted(find_photos(folder).names):
         on_disk = name.encode(errors="surrogateescape")  # need not be UTF-8
         digest.update(b"%d:%b:%b\n" % (len(on_disk), on_disk, _content(folder / name).encode()))
-    return digest.hexdigest()
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
     return digest.hexdigest()
 
 

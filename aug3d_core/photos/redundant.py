@@ -11,7 +11,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.photos.decode import Decoded
-from aug3d_core.photos.table import REDUNDANT
+from aug3d_core.photos.files import REDUNDANT
 
 _LONGEST_PX = 256  # a pixel is 0.4 % of the width: enough for motions that matter, and a millisecond a pair
 _CORNERS, _LEAST_TRACKED = 200, 0.5

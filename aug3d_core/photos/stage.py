@@ -9,15 +9,16 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from aug3d_core.errors import InputError
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
+from aug3d_core.photos.decisions import decisions
 from aug3d_core.photos.decode import Decoded, RejectedError, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
+from aug3d_core.photos.files import CONTACT_SHEET, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
-from aug3d_core.stage import Inputs, Outcome, Progress
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Inputs, Outcome, Progress
 
 Rejected = list[tuple[str, str]]
 
@@ -27,18 +28,18 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     folder = inputs["folder"]
     found = find_photos(folder)
     _require_some(folder, found)
-    (out / layout.PHOTO_IMAGES).mkdir(parents=True, exist_ok=True)
+    (out / PHOTO_IMAGES).mkdir(parents=True, exist_ok=True)
     usable, rejected = _decode_all(folder, found, config, out, progress)
     usable, duplicates = drop_duplicates(usable)
     rejected += duplicates
     _require_enough(folder, found, config, usable, rejected)
     usable, redundant = _distinct(capture_order(usable), config)
-    files = [photo.copy.rename(out / layout.PHOTO_IMAGES / layout.image_name(i)) for i, photo in enumerate(usable)]
+    files = [photo.copy.rename(out / PHOTO_IMAGES / image_name(i)) for i, photo in enumerate(usable)]
     table = photo_table(usable)
-    table.to_parquet(out / layout.PHOTO_TABLE)
-    rejected_table(rejected + redundant).to_parquet(out / layout.REJECTED_TABLE)
-    contact_sheet(files, out / layout.CONTACT_SHEET)
-    return _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])))
+    table.to_parquet(out / PHOTO_TABLE)
+    rejected_table(rejected + redundant).to_parquet(out / REJECTED_TABLE)
+    contact_sheet(files, out / CONTACT_SHEET)
+    return _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])), config)
 
 
 def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]:
@@ -80,7 +81,7 @@ def _decode_all(
     def one(numbered: tuple[int, str]) -> Decoded | str:
         number, name = numbered
         try:
-            return decode(folder / name, name, out / layout.PHOTO_IMAGES / f"checking-{number}.png", config)
+            return decode(folder / name, name, out / PHOTO_IMAGES / f"checking-{number}.png", config)
         except RejectedError as error:
             return str(error)
 
@@ -114,8 +115,10 @@ def _require_enough(
         )
 
 
-def _outcome(usable: list[Decoded], rejected: Rejected, redundant: int, found: Found, cameras: int) -> Outcome:
-    notes = [f"{len(rejected)} photographs left out: {layout.REJECTED_TABLE} says why"] if rejected else []
+def _outcome(
+    usable: list[Decoded], rejected: Rejected, redundant: int, found: Found, cameras: int, config: PhotosConfig
+) -> Outcome:
+    notes = [f"{len(rejected)} photographs left out: {REJECTED_TABLE} says why"] if rejected else []
     if redundant:
         notes.append(f"{redundant} photographs show what the one before them shows and are left out")
     if 0 < (untimed := sum(photo.exif.time is None for photo in usable)) < len(usable):
@@ -136,5 +139,6 @@ def _outcome(usable: list[Decoded], rejected: Rejected, redundant: int, found: F
         metrics=metrics,
         state="degraded" if len(rejected) > len(usable) else "ok",
         notes=tuple(notes),
-        pictures={"Photographs, in capture order": layout.CONTACT_SHEET},
+        pictures={"Photographs, in capture order": CONTACT_SHEET},
+        decisions=tuple(decisions(metrics, config)),
     )

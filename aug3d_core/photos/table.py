@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from aug3d_core.errors import UsageError
 from aug3d_core.photos.decode import Decoded
-from aug3d_core.store import layout
+from aug3d_core.photos.files import PHOTO_IMAGES, image_name
+from aug3d_core.run.errors import UsageError
 
 _SAME_FOCAL = 0.02  # relatively: what a lens at rest may waver by
-REDUNDANT = "redundant"  # begins the reason of a photograph that could be used, and need not
 
 
 def photo_table(photos: Sequence[Decoded]) -> pd.DataFrame:
@@ -26,7 +24,7 @@ def photo_table(photos: Sequence[Decoded]) -> pd.DataFrame:
         {
             "photo_id": photo_id,
             "name": photo.name,
-            "file": f"{layout.PHOTO_IMAGES}/{layout.image_name(photo_id)}",
+            "file": f"{PHOTO_IMAGES}/{image_name(photo_id)}",
             "width_px": photo.size[0],
             "height_px": photo.size[1],
             "original_width_px": photo.original_size[0],
@@ -69,11 +67,6 @@ def _zoomed(camera: str, focal_px: Float[np.ndarray, " n"]) -> list[str]:
 def rejected_table(rejected: Sequence[tuple[str, str]]) -> pd.DataFrame:
     """Build the table of (name, reason)."""
     return pd.DataFrame(sorted(rejected), columns=["name", "reason"], dtype="str")
-
-
-def read_photos(folder: Path) -> pd.DataFrame:
-    """Read the photo table from the photos stage's output."""
-    return pd.read_parquet(folder / layout.PHOTO_TABLE)
 
 
 def photo_ids(photos: pd.DataFrame, called: Sequence[str]) -> tuple[int, ...]:

@@ -1,9 +1,9 @@
-"""The bpy scene of one worker: meshes and light once, then camera after camera.
+"""The bpy scene of one render process: meshes and light are added once, then each camera is rendered.
 
-Blender's camera looks along -z with y up; ours along +z with y down. Every shape here follows `job.py`.
+Blender's camera looks along -z with y up; ours looks along +z with y down. `job.py` defines the shapes.
 """
 
-# bpy ships no type information:
+# bpy and OpenEXR ship no type information:
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import OpenEXR
 from jaxtyping import Float, Int, UInt8
 from mathutils import Matrix
 
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
-from aug3d_core.rendering.exr import read_exr
 from aug3d_core.rendering.job import Emission, MeshFile, RenderJob, Shard, Sunlit
 
 _COLOUR = "colour"
 _SENSOR_MM = 36.0
-_TRACED = "cycles.ViewLayer.render_time"  # without what Cycles needs to take over the scene
+_TRACED = "cycles.ViewLayer.render_time"  # excludes the time to hand the scene to Cycles
 _FAR = 1e9  # Cycles writes 1e10 where a ray hits nothing
 _BLENDER_FROM_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def open_scene(job: RenderJob) -> None:
-    """Build the scene that all views of a job share."""
+    """Build the scene that all views of the job share."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     _set_render(scene, job)
@@ -63,49 +63,49 @@ def set_camera(
 
 @dataclass(frozen=True)
 class Picture:
-    """What Cycles made of one view."""
+    """One rendered view."""
 
-    rgb: UInt8[np.ndarray, "h w 3"]  # sRGB, not darkened by alpha
+    rgb: UInt8[np.ndarray, "h w 3"]  # sRGB, not multiplied by alpha
     alpha: UInt8[np.ndarray, "h w"]
-    depth: Float[np.ndarray, "h w"] | None  # along the camera's z at each pixel's centre, 0 where there is nothing
-    cycles_s: float  # that Cycles traced rays
+    depth: Float[np.ndarray, "h w"] | None  # along the camera's z at each pixel's centre, 0 where nothing was hit
+    cycles_s: float  # time that Cycles traced rays
 
 
 def render_view(shard: Shard, scratch: Path) -> Picture:
     """Render the view, with depth if the job asks for it.
 
-    The pixel filter is a box one pixel wide: a pixel then is the mean over its own footprint, as on a sensor, and takes
-    nothing from its neighbours (Blender's default spreads it over 1.5 pixels, which blurs small images). Of depth Cycles keeps
-    the first sample alone, which it takes at the centre of the filter: within 0.001 px of the pixel's centre, for any seed and
-    any number of samples.
+    The pixel filter is a box one pixel wide: a pixel is the mean over its own footprint, as on a sensor. Blender's default
+    filter is 1.5 pixels wide and blurs small images. Depth is the first sample only. Cycles takes it at the centre of the
+    filter: within 0.001 px of the pixel's centre, for any seed and any number of samples.
     """
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = shard.samples, shard.seed
     scene.render.filepath = str(scratch / "view.exr")
     bpy.ops.render.render(write_still=True)
-    named, attributes = read_exr(scratch / "view.exr")
-    channels = {name.rpartition(".")[2]: image for name, image in named.items()}
+    # Blender offers float colour and depth in a file only: loading it by bpy.data.images gives one layer.
+    with OpenEXR.File(str(scratch / "view.exr"), separate_channels=True) as file:
+        channels = {name.rpartition(".")[2]: channel.pixels for name, channel in file.channels().items()}
+        seconds = _seconds(file.header()[_TRACED])
     alpha = np.clip(channels["A"], 0.0, 1.0)
     linear = np.stack([channels[c] for c in "RGB"], axis=-1) / np.maximum(alpha, 1e-6)[..., None]
     z = channels.get("Z")
     depth = None if z is None else np.where(z < _FAR, z, 0.0)
-    seconds = _seconds(attributes[_TRACED].decode())
     return Picture(srgb_from_linear(linear), np.rint(alpha * 255).astype(np.uint8), depth, seconds)
 
 
-def _seconds(told: str) -> float:
-    """Read Cycles' hours:minutes:seconds, cut off at the hundredth, half of which was lost on average.
+def _seconds(text: str) -> float:
+    """Parse Cycles' hours:minutes:seconds. Cycles cuts it off at 0.01 s, so half of that is added.
 
-    Less than a hundredth counts as nothing: of that, half may be too much.
+    Zero stays zero: there, 0.005 s may be too much.
     """
-    hundredths = sum(float(part) * 100 * 60**i for i, part in enumerate(reversed(told.split(":"))))
+    hundredths = sum(float(part) * 100 * 60**i for i, part in enumerate(reversed(text.split(":"))))
     return (hundredths + 0.5) / 100 if hundredths else 0.0
 
 
 def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"
-    render.use_persistent_data = True  # keeps the acceleration structure from view to view
+    render.use_persistent_data = True  # keeps the acceleration structure between views
     render.film_transparent = True
     render.use_compositing = render.use_sequencer = False
     render.threads_mode, render.threads = "FIXED", job.threads
@@ -117,14 +117,14 @@ def _set_render(scene: bpy.types.Scene, job: RenderJob) -> None:
     cycles.pixel_filter_type = "BOX"
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     sunlit = isinstance(job.light, Sunlit)
-    # Under the sky every pixel uses the same few directions: the error of few samples then is no grain but a faint
-    # overlay of sky shadows, the same in every view of a place. It is faster, too, and bpy ships without a denoiser.
+    # Under the sky every pixel uses the same few directions. The error of few samples is then a faint overlay of sky
+    # shadows, the same in every view of a place, instead of noise. It is also faster, and bpy ships without a denoiser.
     cycles.sampling_pattern, cycles.scrambling_distance = "TABULATED_SOBOL", 0.0 if sunlit else 1.0
-    # One bounce is what carries the sky's light; where it meets a surface, an estimate of that surface's light will do:
-    # a third faster than shading it, and the eye sees no difference.
+    # One bounce carries the sky's light. Where it meets a surface, that surface's light is estimated, not shaded:
+    # a third faster, without a visible difference.
     cycles.max_bounces = cycles.diffuse_bounces = 1 if sunlit else 0
     cycles.use_fast_gi, cycles.fast_gi_method, cycles.ao_bounces_render = sunlit, "REPLACE", 1
-    cycles.use_light_tree = False  # made for many lamps
+    cycles.use_light_tree = False  # only useful with many lamps
 
 
 def _add_mesh(scene: bpy.types.Scene, file: MeshFile, light: Emission | Sunlit) -> None:
@@ -176,7 +176,7 @@ def _material(file: MeshFile, light: Emission | Sunlit) -> bpy.types.Material:
         tree.links.new(shine.outputs[0], surface.inputs[0])
         tree.links.new(matt.outputs[0], surface.inputs[1])
     tree.links.new(surface.outputs[0], output.inputs["Surface"])
-    # Or else every one of 100,000 triangles becomes a lamp of its own.
+    # Otherwise each of 100,000 triangles becomes a lamp.
     material.cycles.emission_sampling = "NONE"
     return material
 
@@ -186,7 +186,7 @@ def _add_sun_and_sky(scene: bpy.types.Scene, light: Sunlit) -> None:
     sun = bpy.data.lights.new("sun", "SUN")
     sun.energy, sun.color, sun.angle = light.sun_strength, light.sun_colour, np.radians(0.53)
     lamp = bpy.data.objects.new("sun", sun)
-    # A lamp shines along its -z: tilt that from straight down, then turn it about the vertical.
+    # A lamp shines along its -z: tilt it from straight down, then turn it about the vertical.
     lamp.rotation_euler = (np.pi / 2 - elevation, 0.0, np.pi - azimuth)
     scene.collection.objects.link(lamp)
     scene.world = bpy.data.worlds.new("sky")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from aug3d_core.stage import StageConfig
+from aug3d_core.run.stage import StageConfig
 
 
 class RenderingConfig(StageConfig):
@@ -14,23 +14,32 @@ class RenderingConfig(StageConfig):
 
     light: Literal["emission", "sunlit"] = Field(
         default="emission",
-        description="emission: the texture as photographed; sunlit: lit once more by a sun and a sky, which adds shadows.",
+        description="emission: the texture as photographed; sunlit: additionally lit by a sun and a sky, with shadows.",
     )
     sun_azimuth_deg: float = Field(
-        default=150.0, ge=0, lt=360, description="Direction to the sun of sunlit, degrees clockwise from north (+y)."
+        default=150.0,
+        ge=0,
+        lt=360,
+        description="Direction to the sun, for sunlit; clockwise from north (+y) [degrees].",
     )
     sun_elevation_deg: float = Field(
-        default=45.0, gt=0, le=90, description="Height of the sun of sunlit over the horizon, degrees."
+        default=45.0, gt=0, le=90, description="Height of the sun above the horizon, for sunlit [degrees]."
     )
     samples: Literal["auto"] | Annotated[int, Field(ge=1, le=4096)] = Field(
         default="auto",
-        description="Samples per pixel (count), or auto: the fewest that bring a few probe views to 38 dB of many samples.",
+        description="Samples per pixel, or auto: the fewest with which probe views reach 38 dB against many samples.",
     )
     views_per_shard: int = Field(
-        default=50, ge=1, le=100_000, description="Most views in one file (count): what a kill can lose per worker."
+        default=50,
+        ge=1,
+        le=100_000,
+        description="Largest number of views per file: a killed worker loses at most these.",
     )
     min_covered_share: float = Field(
-        default=0.4, ge=0.0, le=1.0, description="Least share of a view (0 to 1) that must show surface to be kept."
+        default=0.4,
+        ge=0.0,
+        le=1.0,
+        description="Smallest share of a view that must show surface (0 to 1); other views are dropped.",
     )
 
 

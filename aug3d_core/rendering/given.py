@@ -1,4 +1,4 @@
-"""What the stages before left for rendering, checked before a worker starts: Blender shows what is broken as black or pink."""
+"""Read and check the inputs before a worker starts: Blender renders broken ones as black or pink."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from zipfile import BadZipFile
 import numpy as np
 from PIL import Image
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.rendering.job import MeshFile
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.surface.files import MESH, MESH_TEXTURE, TEXTURED_MESH
 
 _CAMERA_ARRAYS = ("view_id", "dome_id", "world_from_cam", "intrinsics", "size")
 _PLAN_AGAIN = "Run the stage sampling again."
@@ -53,8 +53,8 @@ def _refuse(cameras: dict[str, np.ndarray], what: str, bad: np.ndarray) -> None:
 
 def find_mesh(surface: Path) -> MeshFile:
     """Return the mesh of train photos, with its texture if it has one; raises InputError if there is nothing to show."""
-    textured, texture = surface / layout.TEXTURED_MESH, surface / layout.MESH_TEXTURE
-    found = MeshFile(path=textured, texture=texture) if textured.exists() else MeshFile(path=surface / layout.MESH)
+    textured, texture = surface / TEXTURED_MESH, surface / MESH_TEXTURE
+    found = MeshFile(path=textured, texture=texture) if textured.exists() else MeshFile(path=surface / MESH)
     try:
         triangles = _triangles(found)
     except (OSError, KeyError, ValueError, BadZipFile) as error:

@@ -1,4 +1,4 @@
-"""What a worker renders: meshes, cameras, light. Written as JSON; arrays stay in the files it names.
+"""What a worker renders: meshes, cameras, light. Written as JSON; arrays are in the files that it names.
 
 Cameras are an `.npz` of `view_id` (M,), `world_from_cam` (M,4,4), `intrinsics` (M,4: fx, fy, cx, cy) and `size` (M,2:
 width, height), in COLMAP's convention: x right, y down, z forward, pixel centres at half-integers.
@@ -16,11 +16,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from aug3d_core.stage import Frozen
+from aug3d_core.run.stage import Frozen
 
 
 class Emission(Frozen):
-    """Surfaces shine in their own colour: what was photographed comes out unchanged, with no shading."""
+    """Surfaces emit their own colour: the photographed texture comes out unchanged, without shading."""
 
     kind: Literal["emission"] = "emission"
 
@@ -30,14 +30,12 @@ class Sunlit(Frozen):
 
     kind: Literal["sunlit"] = "sunlit"
     sun_azimuth_deg: float = Field(description="Direction to the sun, clockwise from north (+y).")
-    sun_elevation_deg: float = Field(gt=0, le=90, description="Height of the sun over the horizon.")
+    sun_elevation_deg: float = Field(gt=0, le=90, description="Height of the sun above the horizon.")
     sun_colour: tuple[float, float, float] = (1.0, 0.94, 0.84)
     sun_strength: float = 4.0
     sky_colour: tuple[float, float, float] = (0.62, 0.76, 1.0)
     sky_strength: float = 0.39
-    fill: float = Field(
-        default=0.15, ge=0, description="Light that reaches every surface alike, for all later bounces."
-    )
+    fill: float = Field(default=0.15, ge=0, description="Constant light on every surface, in place of later bounces.")
 
     @property
     def level_luminance(self) -> float:
@@ -46,7 +44,7 @@ class Sunlit(Frozen):
         return sun * _luminance(self.sun_colour) + self.sky_strength * _luminance(self.sky_colour) + self.fill
 
     def exposed(self) -> Sunlit:
-        """Return the same light at the strength that leaves level ground in the open as bright as it was photographed."""
+        """Return the same light, scaled so that open level ground is as bright as it was photographed."""
         by = 1 / self.level_luminance
         strengths = {name: getattr(self, name) * by for name in ("sun_strength", "sky_strength", "fill")}
         return self.model_copy(update=strengths)
@@ -57,14 +55,14 @@ def _luminance(rgb: tuple[float, float, float]) -> float:
 
 
 class MeshFile(Frozen):
-    """One mesh and, if it has texture coordinates, the picture they point into."""
+    """One mesh and, if it has texture coordinates, its texture."""
 
     path: Path
     texture: Path | None = None
 
 
 class Shard(Frozen):
-    """The views `first` to `last` (exclusive) of a camera file, written to `out` in one piece."""
+    """The views `first` to `last` (exclusive) of a camera file, written to `out` atomically."""
 
     first: int = Field(ge=0)
     last: int = Field(ge=1)
@@ -83,7 +81,9 @@ class RenderJob(Frozen):
     depth: bool = Field(default=True, description="Whether shards hold depth.")
     threads: int = Field(default_factory=lambda: len(os.sched_getaffinity(0)), ge=1)
     growth_mib: float = Field(
-        default=150.0, ge=0, description="Growth of the process, MiB, after which it ends with the shard at hand."
+        default=150.0,
+        ge=0,
+        description="Memory growth after which the process ends, once the current shard is written [MiB].",
     )
 
 

@@ -1,4 +1,4 @@
-"""Run render jobs in processes of their own and wait for them."""
+"""Run render jobs in worker processes and wait for them."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aug3d_core.rendering.job import RenderJob, Shard, ViewDone
-from aug3d_core.worker import WorkerDied, run_worker
+from aug3d_core.run.helper_process import WorkerDied, run_worker
 
 _LIGHTER = "render a mesh with fewer triangles, or smaller views"
 
 
 @dataclass
 class Spent:
-    """What a job cost, over all its workers."""
+    """The cost of a job, over all its workers."""
 
     views: int = 0
     workers: int = 0  # processes started
-    worker_s: float = 0.0  # their wall time from start to end, added up
-    cycles_s: float = 0.0  # of it, in Cycles' own tracing
-    growth_mib: float = 0.0  # most that one of them grew after its first view
+    worker_s: float = 0.0  # sum of their wall times
+    cycles_s: float = 0.0  # of which in Cycles' tracing
+    growth_mib: float = 0.0  # largest growth of a worker after its first view
 
     @property
     def overhead_share(self) -> float | None:
@@ -35,8 +35,8 @@ class Spent:
 def render(job: RenderJob, on_view: Callable[[int], None], workers: int = 1) -> Spent:
     """Render the shards of a job that do not exist yet; `on_view(done)` is called after each view, from several threads.
 
-    Shards are shared among `workers` processes. A process that has grown too far ends early, and another goes on in its place.
-    Raises WorkerDied with the last lines that a worker logged, or OSError when the disk is full.
+    Shards are divided among `workers` processes. A process that has grown too far ends early, and another one continues.
+    Raises WorkerDied with the last log lines of a worker, or OSError when the disk is full.
     """
     missing = _missing(job.shards)
     tally = _Tally(on_view)
@@ -46,7 +46,7 @@ def render(job: RenderJob, on_view: Callable[[int], None], workers: int = 1) -> 
 
 
 def drop_torn(shards: Sequence[Shard]) -> None:
-    """Delete the shards that a power cut left torn: they are rendered again."""
+    """Delete shards that a power cut left incomplete; they are rendered again."""
     for shard in shards:
         if shard.out.exists() and not _whole(shard.out):
             shard.out.unlink()
@@ -88,7 +88,7 @@ class _Tally:
         self._lock = threading.Lock()
 
     def worker(self) -> Callable[[str], None]:
-        """Return what takes one worker's reports."""
+        """Return the function that receives one worker's reports."""
         at_first: list[float] = []
 
         def report(line: str) -> None:
@@ -103,7 +103,7 @@ class _Tally:
         return report
 
     def ended(self, seconds: float) -> None:
-        """Count a worker that ended well."""
+        """Count a worker that ended without an error."""
         with self._lock:
             self.spent.workers += 1
             self.spent.worker_s += seconds

@@ -1,4 +1,4 @@
-"""What tells a good render from a bad one, view by view, and which are dropped for what reason."""
+"""Measure the quality of each rendered view, and decide which views are dropped."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
-_BLACK = 3.0  # mean luminance, of 255, below which a view shows nothing
-_FLAT = 2.0  # contrast below which a view is of one colour, so that nothing in it can be found again in another
+_BLACK = 3.0  # mean luminance (of 255) below which a view counts as black
+_FLAT = 2.0  # contrast below which a view has no features
 REASONS = ("too little surface", "black", "flat")
 
 
@@ -31,7 +31,7 @@ def figures(rgb: UInt8[np.ndarray, "n h w 3"], alpha: UInt8[np.ndarray, "n h w"]
 
 
 def reasons(told: dict[str, Float[np.ndarray, " n"]], min_covered_share: float) -> np.ndarray:
-    """Return for each view why it is dropped, or an empty text."""
+    """Return for each view the reason why it is dropped, or an empty text."""
     bad = (told["covered_share"] < min_covered_share, told["mean_luminance"] < _BLACK, told["contrast"] < _FLAT)
     return np.select(bad, REASONS, "")
 

@@ -1,4 +1,4 @@
-"""Render every planned view of the mesh, shard by shard; shards that a killed run left behind are kept."""
+"""Render every planned view of the mesh, shard by shard. Shards of a killed run are reused."""
 
 from __future__ import annotations
 
@@ -11,39 +11,40 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from aug3d_core.errors import InputError
+from aug3d_core.domes.files import CAMERAS
 from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.rendering.decisions import decision
+from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
 from aug3d_core.rendering.given import find_mesh, read_cameras
 from aug3d_core.rendering.job import Emission, RenderJob, Shard, Sunlit
 from aug3d_core.rendering.launch import Spent, drop_torn, render
 from aug3d_core.rendering.probe import ENOUGH_DB, Chosen, choose_samples
 from aug3d_core.rendering.quality import REASONS, figures, reasons
 from aug3d_core.rendering.sheet import save_sheet
-from aug3d_core.stage import Inputs, Metric, Outcome, Progress
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 
 _SHEET = "renders.png"
 _SHEET_VIEWS = 48
-# Small views keep no more than one thread busy, so that cores are better used by several workers; but each of them holds the
-# mesh, so that there are no more than this many.
+# Small views use only one thread, so several workers use the cores better; but each holds the mesh in memory.
 _MOST_WORKERS = 4
 
 
 def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) -> Outcome:
     """Render the views of the sampling stage and judge each of them."""
-    cameras = read_cameras(inputs["sampling"] / layout.CAMERAS)
-    shards = out / layout.SHARDS
+    cameras = read_cameras(inputs["sampling"] / CAMERAS)
+    shards = out / SHARDS
     shards.mkdir(parents=True, exist_ok=True)
     total = len(cameras["view_id"])
     if not total:
-        _table([], cameras, config).to_parquet(out / layout.RENDER_TABLE)
+        _table([], cameras, config).to_parquet(out / RENDER_TABLE)
         return Outcome(
             metrics={"views": 0, "kept": 0, "kept_share": None},
-            notes=("no views were planned: the data set goes on with photographs alone",),
+            notes=("no views were planned: the data set contains photographs only",),
         )
     job = RenderJob(
         meshes=(find_mesh(inputs["surface"]),),
-        cameras=inputs["sampling"] / layout.CAMERAS,
+        cameras=inputs["sampling"] / CAMERAS,
         shards=(),
         light=_light(config),
     )
@@ -53,7 +54,7 @@ def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) 
     spent = _render(job.model_copy(update={"shards": planned}), total, progress)
     seconds = time.monotonic() - start
     table = _table(list(planned), cameras, config)
-    table.to_parquet(out / layout.RENDER_TABLE)
+    table.to_parquet(out / RENDER_TABLE)
     save_sheet(_some_views(table, planned), out / _SHEET)
     return _outcome(table, chosen, spent, seconds)
 
@@ -73,16 +74,16 @@ def _samples(config: RenderingConfig, job: RenderJob, cameras: dict[str, np.ndar
 
 
 def _shards(views: int, most: int, samples: int, folder: Path) -> tuple[Shard, ...]:
-    """Cut the plan into shards as equal as can be; how many cores there are does not change them."""
+    """Divide the plan into shards of equal size, independent of the number of cores."""
     ends = np.linspace(0, views, -(-views // most) + 1).astype(int).tolist()
     return tuple(
-        Shard(first=first, last=last, out=folder / layout.shard_name(shard), samples=samples)
+        Shard(first=first, last=last, out=folder / shard_name(shard), samples=samples)
         for shard, (first, last) in enumerate(itertools.pairwise(ends))
     )
 
 
 def _render(job: RenderJob, total: int, progress: Progress) -> Spent:
-    """Render the shards that are not there."""
+    """Render the missing shards."""
     drop_torn(job.shards)
     there = sum(shard.last - shard.first for shard in job.shards if shard.out.exists())
     cores = len(os.sched_getaffinity(0))
@@ -93,7 +94,7 @@ def _render(job: RenderJob, total: int, progress: Progress) -> Spent:
 
 
 def _table(shards: list[Shard], cameras: dict[str, np.ndarray], config: RenderingConfig) -> pd.DataFrame:
-    """Return one row per view: where it is, its figures, and whether it is kept."""
+    """Return one row per view: its shard, its figures, and whether it is kept."""
     nothing = np.zeros((0, 1, 1, 3), np.uint8)
     told = [_figures(shard.out) for shard in shards] or [figures(nothing, nothing[..., 0])]
     quality = {name: np.concatenate([part[name] for part in told]) for name in told[0]}
@@ -154,4 +155,5 @@ def _outcome(table: pd.DataFrame, chosen: Chosen, spent: Spent, seconds: float) 
         state="degraded" if coarse else "ok",
         notes=(chosen.reason,) if coarse else (),
         pictures={"Rendered views": _SHEET},
+        decisions=(decision(chosen),),
     )

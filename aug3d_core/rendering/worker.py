@@ -1,10 +1,11 @@
-"""The render process: `python -m aug3d_core.rendering.worker job.json` renders shard after shard and ends.
+"""The render process: `python -m aug3d_core.rendering.worker job.json` renders the shards of a job.
 
-Loading the meshes once pays for many shards; but Blender's memory may grow with every render and only its end gives it back,
-so a process that has grown too far leaves the rest of its shards to another. It reports a ViewDone after each view.
+The meshes are loaded once for many shards. But Blender's memory may grow with every render and is freed only when the
+process ends: a process that has grown too far ends, and another one renders the remaining shards. It reports a ViewDone
+after each view.
 
-A shard holds, in the order of the camera file: view_id (n,), rgb (n,H,W,3) uint8 sRGB, alpha (n,H,W) uint8, and depth
-(n,H,W) float16: along z, in world units, 0 where empty - unless the job goes without.
+A shard holds, in the order of the camera file: view_id (n,), rgb (n,H,W,3) uint8 sRGB, alpha (n,H,W) uint8 and, if the job
+asks for it, depth (n,H,W) float16: along z, in world units, 0 where empty.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from aug3d_core.durable import replacing
 from aug3d_core.rendering.blender import open_scene, render_view, set_camera
 from aug3d_core.rendering.job import RenderJob, Shard, ViewDone
-from aug3d_core.worker import begin
+from aug3d_core.run.atomic_file import replacing
+from aug3d_core.run.helper_process import begin
 
 
 def render_shards(job: RenderJob, report: Callable[[str], None]) -> None:
-    """Render the job's shards until memory has grown too far; each is written at once, so that a file is a whole shard."""
+    """Render the job's shards until memory has grown too far. Each file is written atomically and holds a whole shard."""
     open_scene(job)
     at_first = grown = 0.0
     with np.load(job.cameras, allow_pickle=False) as file:
@@ -63,7 +64,7 @@ def _write(out: Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 def resident_mib() -> float:
-    """Return the memory of this process."""
+    """Return the resident memory of this process [MiB]."""
     return psutil.Process().memory_info().rss / 2**20
 
 

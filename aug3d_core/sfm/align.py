@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from aug3d_core.geometry.ground import fit_up, ground_height, rotation_to_z
 from aug3d_core.geometry.similarity import Similarity, fit_similarity_robustly
 from aug3d_core.geometry.transforms import centres
+from aug3d_core.geometry.up_direction import fit_up, ground_height, rotation_to_z
 
 NOMINAL_HEIGHT = 50.0
 _GROUND_THICKNESS = 0.02  # of the median distance from cameras to points

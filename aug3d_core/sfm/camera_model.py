@@ -26,8 +26,8 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
+from aug3d_core.photos.files import image_name
 from aug3d_core.sfm.mapping import THREADS
-from aug3d_core.store import layout
 
 SIMPLEST = "SIMPLE_RADIAL"
 EXIF, REFINED = "exif", "refined"
@@ -217,7 +217,7 @@ def _used_cameras(model: pycolmap.Reconstruction) -> set[int]:
 
 def _priors(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> dict[int, float]:
     """Median EXIF focal length of each of the model's cameras that has one."""
-    rows = photos.set_index(photos["photo_id"].map(layout.image_name))
+    rows = photos.set_index(photos["photo_id"].map(image_name))
     placed = [model.image(image_id) for image_id in model.reg_image_ids()]
     camera_of = {image.name: image.camera_id for image in placed}
     known = rows.loc[list(camera_of)].assign(camera_id=list(camera_of.values())).dropna(subset="focal_px")

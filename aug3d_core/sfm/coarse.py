@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from aug3d_core.stage import Progress
+from aug3d_core.run.stage import Progress
 
 FEATURES = 256
 ALIKE = (

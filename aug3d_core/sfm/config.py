@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from aug3d_core.stage import StageConfig
+from aug3d_core.run.stage import StageConfig
 
 
 class MatchingConfig(StageConfig):

@@ -14,7 +14,7 @@ from PIL import Image
 
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,12 @@ def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path, k
     out.mkdir(parents=True, exist_ok=True)
     for image in registered(model):
         if photo_id(image) in known:
-            shutil.copyfile(known[photo_id(image)], out / layout.image_name(photo_id(image)))
+            shutil.copyfile(known[photo_id(image)], out / image_name(photo_id(image)))
             continue
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
         undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
-        Image.fromarray(undistorted.to_array()).save(out / layout.image_name(photo_id(image)), compress_level=1)
+        Image.fromarray(undistorted.to_array()).save(out / image_name(photo_id(image)), compress_level=1)
 
 
 def _options() -> pycolmap.UndistortCameraOptions:

@@ -16,10 +16,10 @@ import pandas as pd
 import pycolmap
 from jaxtyping import Int, UInt8
 
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.stage import Progress
 from aug3d_core.sfm.coarse import largest
 from aug3d_core.sfm.config import MatchingConfig
-from aug3d_core.stage import Progress
-from aug3d_core.store import layout
 
 _CAMERA_MODEL = "SIMPLE_RADIAL"
 _PHOTOS_PER_CALL = 8
@@ -39,7 +39,7 @@ def make_database(photos: pd.DataFrame, images: Path, database: Path) -> None:
             database,
             images,
             pycolmap.CameraMode.SINGLE,
-            [layout.image_name(photo_id) for photo_id in same_camera["photo_id"]],
+            [image_name(photo_id) for photo_id in same_camera["photo_id"]],
             _reader(same_camera),
         )
 
@@ -50,7 +50,7 @@ def extract(photos: pd.DataFrame, images: Path, database: Path, config: Matching
     options.num_threads = threads()
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
-    names = [layout.image_name(photo_id) for photo_id in photos["photo_id"]]
+    names = [image_name(photo_id) for photo_id in photos["photo_id"]]
     for start in range(0, len(names), _PHOTOS_PER_CALL):
         pycolmap.extract_features(database, images, names[start : start + _PHOTOS_PER_CALL], extraction_options=options)
         progress(min(start + _PHOTOS_PER_CALL, len(names)), len(names), "photographs searched for features")
@@ -62,7 +62,7 @@ def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray,
         ids = {image.name: image.image_id for image in opened.read_all_images()}
         found = []
         for photo_id in photos["photo_id"]:
-            image_id = ids[layout.image_name(photo_id)]
+            image_id = ids[image_name(photo_id)]
             shape = opened.read_keypoints(image_id)[:, 2:]  # a11, a12, a21, a22: from the unit circle to the feature
             scale_px = np.sqrt(np.abs(shape[:, 0] * shape[:, 3] - shape[:, 1] * shape[:, 2]))
             found.append(largest(opened.read_descriptors(image_id).data, scale_px))
@@ -78,7 +78,7 @@ def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig,
     pairing.match_list_path = database.with_suffix(".pairs.txt")
     for start in range(0, len(pairs), _PAIRS_PER_CALL):
         chunk = pairs[start : start + _PAIRS_PER_CALL]
-        lines = (f"{layout.image_name(i)} {layout.image_name(j)}\n" for i, j in chunk)
+        lines = (f"{image_name(i)} {image_name(j)}\n" for i, j in chunk)
         Path(pairing.match_list_path).write_text("".join(lines))
         pycolmap.match_image_pairs(database, matching, pairing, verification)
         progress(start + len(chunk), len(pairs), "pairs of photographs compared")

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from aug3d_core.formats.given import Given
+from aug3d_core.photos.files import image_name
+from aug3d_core.poses.files import Given
+from aug3d_core.sfm.files import FEATURES
 from aug3d_core.sfm.mapping import THREADS
-from aug3d_core.store import layout
 
 
 def with_given_points(given: Sequence[Given], source: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
@@ -39,7 +40,7 @@ def triangulated(given: Sequence[Given], features: Path, images: Path, seed: int
     with tempfile.TemporaryDirectory() as scratch, pycolmap.Database.open(features) as matched:
         image_ids = {int(Path(image.name).stem): image.image_id for image in matched.read_all_images()}
         model = _placed(given, image_ids, {})
-        database = Path(scratch) / layout.FEATURES
+        database = Path(scratch) / FEATURES
         _copy_matches(matched, model, database)
         options = pycolmap.IncrementalPipelineOptions()
         options.num_threads = THREADS
@@ -80,7 +81,7 @@ def _placed(
         )
     for one in given:
         image = pycolmap.Image(
-            name=layout.image_name(one.photo_id),
+            name=image_name(one.photo_id),
             keypoints=keypoints.get(one.photo_id, np.zeros((0, 2))),
             camera_id=camera_ids[one.camera],
             image_id=image_ids[one.photo_id],

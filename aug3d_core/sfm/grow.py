@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
+from aug3d_core.photos.files import image_name
 from aug3d_core.sfm import export
-from aug3d_core.store import layout
+from aug3d_core.sfm.files import COLMAP_MODEL, COMPONENTS, VIEW_IMAGES
 
 _LEAST = 0.5  # of today's photographs: less would rest the larger part of a scene on the smaller
 
@@ -35,7 +36,7 @@ class Earlier:
             for image in (self.model.image(image_id) for image_id in self.model.reg_image_ids())
             if np.array_equal(self.model.camera(image.camera_id).params, grown.camera(image.camera_id).params)
         }
-        return {photo_id: path for photo_id, path in self.images.items() if layout.image_name(photo_id) in same}
+        return {photo_id: path for photo_id, path in self.images.items() if image_name(photo_id) in same}
 
 
 def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> Earlier | None:
@@ -47,17 +48,17 @@ def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> E
     best: Earlier | None = None
     today = dict(zip(photos["sha256"], photos["photo_id"], strict=True))
     for files in sorted(folder.iterdir()) if folder is not None and folder.exists() else []:
-        was = json.loads((files / layout.COMPONENTS).read_text())["photo_sha256"]
+        was = json.loads((files / COMPONENTS).read_text())["photo_sha256"]
         if len(was) >= len(photos) or not set(was) <= set(today):
             continue
-        model = pycolmap.Reconstruction(files / layout.COLMAP_MODEL)
+        model = pycolmap.Reconstruction(files / COLMAP_MODEL)
         if model.num_reg_images() < max(_LEAST * len(photos), 0 if best is None else len(best.images) + 1):
             continue
         now = {export.photo_id(image): int(today[was[export.photo_id(image)]]) for image in export.registered(model)}
         renumbered = _renumbered(model, now, database)
         if renumbered is not None:
-            folder_of_images = files / layout.VIEW_IMAGES
-            best = Earlier(renumbered, {new: folder_of_images / layout.image_name(old) for old, new in now.items()})
+            folder_of_images = files / VIEW_IMAGES
+            best = Earlier(renumbered, {new: folder_of_images / image_name(old) for old, new in now.items()})
     return best
 
 
@@ -70,7 +71,7 @@ def _renumbered(model: pycolmap.Reconstruction, now: dict[int, int], database: P
         entered = {image.name: image for image in opened.read_all_images()}
         grown, camera_was, image_now = pycolmap.Reconstruction(), {}, {}
         for image in export.registered(model):
-            new = entered[layout.image_name(now[export.photo_id(image)])]
+            new = entered[image_name(now[export.photo_id(image)])]
             keypoints = opened.read_keypoints(new.image_id)[:, :2].astype(float)
             if not np.array_equal(keypoints, np.array([point.xy for point in image.points2D]).reshape(-1, 2)):
                 return None

@@ -13,19 +13,19 @@ import pandas as pd
 import pycolmap
 from jaxtyping import Float
 
-from aug3d_core.errors import InputError
-from aug3d_core.formats.colmap import read_model
-from aug3d_core.formats.given import Given, read_given
-from aug3d_core.photos.table import read_photos
+from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
+from aug3d_core.poses.files import GIVEN_MODEL, Given, read_given
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Inputs, Outcome, Progress
 from aug3d_core.sfm import export
 from aug3d_core.sfm.agreement import detail_agreement
 from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.decisions import sfm_decisions
+from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
 from aug3d_core.sfm.given_model import matched_keypoints, triangulated, with_given_points
 from aug3d_core.sfm.mapping import SMALLEST_MODEL
 from aug3d_core.sfm.unplaced import listed
 from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
-from aug3d_core.stage import Inputs, Outcome, Progress
-from aug3d_core.store import layout
 
 _LEAST_DETAIL = 0.5  # correlation; `agreement.py` says what right and wrong photographs have
 _LEAST_FITTING = 0.2  # share; right poses: 0.42 and more on brighton_beach, 0.55 on the town; shuffled ones: 0.07
@@ -47,7 +47,7 @@ class Check:
 def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
     """Take the given poses, leave out photographs that contradict theirs; raises InputError where most of them do."""
     pycolmap.logging.minloglevel = 1
-    photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
+    photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     given = read_given(inputs["poses"])
     progress(0, len(given), "poses being checked against the photographs")
     with tempfile.TemporaryDirectory(dir=out) as scratch:
@@ -56,7 +56,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     progress(len(given), len(given), "poses checked; writing photographs undistorted")
     alignment, arrays = align_model(model, photos, np.random.default_rng(config.seed))
     write_outputs(model, arrays, [], alignment, photos, images, out)
-    _unplaced(photos, given, refused).to_parquet(out / layout.UNPLACED)
+    _unplaced(photos, given, refused).to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, alignment, photos)
     metrics = model_metrics(model, arrays, alignment, photos, doming) | {
         "components": 1,
@@ -74,14 +74,15 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         metrics=metrics,
         state="degraded" if few or refused or loose or alignment.problem or (doming and doming.flagged) else "ok",
         notes=notes + alignment_notes(alignment) + (doming.notes if doming else ()),
-        pictures={"Points and cameras from above": layout.SFM_MAP},
+        pictures={"Points and cameras from above": SFM_MAP},
+        decisions=tuple(sfm_decisions(metrics)),
     )
 
 
 def _by_points(inputs: Inputs) -> Check:
     """Take the points that came with the poses; what photographs show there must be alike."""
-    source = read_model(inputs["poses"] / layout.GIVEN_MODEL)
-    images = inputs["photos"] / layout.PHOTO_IMAGES
+    source = pycolmap.Reconstruction(inputs["poses"] / GIVEN_MODEL)
+    images = inputs["photos"] / PHOTO_IMAGES
 
     def fit(model: pycolmap.Reconstruction) -> Float[np.ndarray, " n"]:
         placed = export.registered(model)
@@ -97,8 +98,8 @@ def _by_points(inputs: Inputs) -> Check:
 
 def _by_matches(inputs: Inputs, config: SfmConfig, scratch: Path) -> Check:
     """Triangulate the matches; they must fit the poses."""
-    features = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
-    images = inputs["photos"] / layout.PHOTO_IMAGES
+    features = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
+    images = inputs["photos"] / PHOTO_IMAGES
 
     def fit(model: pycolmap.Reconstruction) -> Float[np.ndarray, " n"]:
         placed = export.registered(model)

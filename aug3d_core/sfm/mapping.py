@@ -23,9 +23,9 @@ import pycolmap
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from aug3d_core.run.stage import Progress
 from aug3d_core.sfm import export
 from aug3d_core.sfm.config import SfmConfig
-from aug3d_core.stage import Progress
 
 SMALLEST_MODEL = 3
 THREADS = 1

@@ -10,14 +10,16 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
-from aug3d_core.photos.table import read_photos
+from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
+from aug3d_core.run.files import EARLIER
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm import features, reuse
 from aug3d_core.sfm.coarse import Compare, comparer
 from aug3d_core.sfm.config import MatchingConfig
+from aug3d_core.sfm.decisions import matching_decisions
+from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
 from aug3d_core.sfm.matching_table import matching_table
 from aug3d_core.sfm.pairs import Choice, choose_pairs
-from aug3d_core.stage import Inputs, Outcome, Progress
-from aug3d_core.store import layout
 
 _FEW_FEATURES = 100
 _NAMED = 5
@@ -27,12 +29,12 @@ _WORTH_A_NOTE = 0.1  # of the photographs with a position
 def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -> Outcome:
     """Extract features and match the pairs that are worth it, copying what is known from an earlier output."""
     pycolmap.logging.minloglevel = 1
-    photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
+    photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     image_sha256 = reuse.digests(photos, images)
     clock = _Clock()
     with tempfile.TemporaryDirectory(dir=out) as scratch:
-        earlier = reuse.best_earlier(image_sha256, inputs.get(layout.EARLIER), Path(scratch))
-        database = Path(scratch) / layout.FEATURES
+        earlier = reuse.best_earlier(image_sha256, inputs.get(EARLIER), Path(scratch))
+        database = Path(scratch) / FEATURES
         features.make_database(photos, images, database)
         reused = np.zeros(len(photos), bool)
         if earlier:
@@ -46,31 +48,33 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
         done = reuse.copy_matches(earlier, choice.pairs, database) if earlier else np.zeros(len(choice.pairs), bool)
         features.match(choice.pairs[~done], database, config, progress)
         match_seconds, match_cpu_seconds = clock.lap()
-        features.store_sorted(database, out / layout.FEATURES)
-    table = matching_table(photos, image_sha256, out / layout.FEATURES)
-    table.to_parquet(out / layout.MATCHING_TABLE)
+        features.store_sorted(database, out / FEATURES)
+    table = matching_table(photos, image_sha256, out / FEATURES)
+    table.to_parquet(out / MATCHING_TABLE)
     counts = table["features"].to_numpy(int)
     matched = table["matched_pairs"].to_numpy(int).sum() // 2
+    metrics: dict[str, Metric] = {
+        "photos": len(photos),
+        "photos_reused": int(reused.sum()),
+        "features_median": float(np.median(counts)),
+        "features_min": int(counts.min()),
+        "pairs_possible": len(photos) * (len(photos) - 1) // 2,
+        "pairs_tried": len(choice.pairs),
+        "pairs_reused": int(done.sum()),
+        "pairs_matched": int(matched),
+        "pairs_matched_share": float(matched) / len(choice.pairs),
+        "pairs_by": choice.by,
+        "photos_doubted_gps": len(choice.doubted),
+        "pairs_ranked": chooser.ranked,
+        "extract_seconds": extract_seconds,
+        "coarse_seconds": coarse_seconds,
+        "match_seconds": coarse_seconds + match_seconds,
+        "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
+    }
     return Outcome(
-        metrics={
-            "photos": len(photos),
-            "photos_reused": int(reused.sum()),
-            "features_median": float(np.median(counts)),
-            "features_min": int(counts.min()),
-            "pairs_possible": len(photos) * (len(photos) - 1) // 2,
-            "pairs_tried": len(choice.pairs),
-            "pairs_reused": int(done.sum()),
-            "pairs_matched": int(matched),
-            "pairs_matched_share": float(matched) / len(choice.pairs),
-            "pairs_by": choice.by,
-            "photos_doubted_gps": len(choice.doubted),
-            "pairs_ranked": chooser.ranked,
-            "extract_seconds": extract_seconds,
-            "coarse_seconds": coarse_seconds,
-            "match_seconds": coarse_seconds + match_seconds,
-            "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
-        },
+        metrics=metrics,
         notes=_notes(photos, table, choice),
+        decisions=tuple(matching_decisions(metrics)),
     )
 
 

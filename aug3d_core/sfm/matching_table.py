@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
+from aug3d_core.sfm.files import MATCHING_TABLE
 
 
 def matching_table(photos: pd.DataFrame, image_sha256: list[str], database: Path) -> pd.DataFrame:
@@ -18,7 +19,7 @@ def matching_table(photos: pd.DataFrame, image_sha256: list[str], database: Path
     """
     with pycolmap.Database.open(database) as opened:
         image_id = {image.name: image.image_id for image in opened.read_all_images()}
-        ids = [image_id[layout.image_name(photo_id)] for photo_id in photos["photo_id"]]
+        ids = [image_id[image_name(photo_id)] for photo_id in photos["photo_id"]]
         features = [opened.num_keypoints_for_image(i) for i in ids]
         pair_ids, inliers = opened.read_two_view_geometry_num_inliers()
     row = {i: at for at, i in enumerate(ids)}
@@ -38,4 +39,4 @@ def matching_table(photos: pd.DataFrame, image_sha256: list[str], database: Path
 
 def read_matching_table(folder: Path) -> pd.DataFrame:
     """Read the table from the matching stage's output."""
-    return pd.read_parquet(folder / layout.MATCHING_TABLE)
+    return pd.read_parquet(folder / MATCHING_TABLE)

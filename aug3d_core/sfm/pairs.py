@@ -16,8 +16,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.coarse import ALIKE, Compare
 from aug3d_core.sfm.config import MatchingConfig
 

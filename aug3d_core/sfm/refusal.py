@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.mapping import SMALLEST_MODEL
 
 # A homography between photographs from one spot is a rotation, whose singular values are equal. Of the town's matched pairs

@@ -17,8 +17,9 @@ import pandas as pd
 import pycolmap
 from jaxtyping import Bool, Int
 
+from aug3d_core.photos.files import image_name
+from aug3d_core.sfm.files import FEATURES
 from aug3d_core.sfm.matching_table import read_matching_table
-from aug3d_core.store import layout
 
 _EARLIER = "earlier.db"
 
@@ -38,7 +39,7 @@ class Earlier:
 
 def digests(photos: pd.DataFrame, images: Path) -> list[str]:
     """Return the SHA-256 of each photograph's working copy."""
-    names = (layout.image_name(photo_id) for photo_id in photos["photo_id"])
+    names = (image_name(photo_id) for photo_id in photos["photo_id"])
     return [hashlib.sha256((images / name).read_bytes()).hexdigest() for name in names]
 
 
@@ -51,7 +52,7 @@ def best_earlier(image_sha256: list[str], folder: Path | None, scratch: Path) ->
     for files in sorted(folder.iterdir()) if folder is not None and folder.exists() else []:
         table = read_matching_table(files)
         was_there = dict(zip(table["image_sha256"], table["photo_id"], strict=True))
-        found = Earlier(files / layout.FEATURES, np.array([was_there.get(digest, -1) for digest in image_sha256], int))
+        found = Earlier(files / FEATURES, np.array([was_there.get(digest, -1) for digest in image_sha256], int))
         if found.known.sum() > (0 if best is None else best.known.sum()):
             best = found
     return best and replace(best, database=Path(shutil.copy(best.database, scratch / _EARLIER)))
@@ -95,7 +96,7 @@ def copy_matches(earlier: Earlier, pairs: Int[np.ndarray, "m 2"], database: Path
 def _image_ids(database: pycolmap.Database) -> dict[int, int]:
     """Return the database's id of each photograph."""
     ids = {image.name: image.image_id for image in database.read_all_images()}
-    return {photo: ids[layout.image_name(photo)] for photo in range(len(ids))}
+    return {photo: ids[image_name(photo)] for photo in range(len(ids))}
 
 
 def _camera(database: pycolmap.Database, image_id: int) -> tuple:

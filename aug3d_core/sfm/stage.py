@@ -10,10 +10,14 @@ import numpy as np
 import pycolmap
 
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.photos.table import read_photos
+from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
+from aug3d_core.run.files import EARLIER
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm import export
 from aug3d_core.sfm.camera_model import Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.decisions import sfm_decisions
+from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
 from aug3d_core.sfm.grow import find_earlier
 from aug3d_core.sfm.joint import Joint, weakest_joint
 from aug3d_core.sfm.mapping import Mapped, reconstruct
@@ -21,8 +25,6 @@ from aug3d_core.sfm.matching_table import read_matching_table
 from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_baseline
 from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
 from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
-from aug3d_core.stage import Inputs, Metric, Outcome, Progress
-from aug3d_core.store import layout
 
 _LEAST_PLACED = 0.8
 # Below either, lens and poses hold each other up: five photographs had poses off by 4 degrees, six by 0.7, eight by 0.2; 50
@@ -40,12 +42,12 @@ _SPOT_NOTE = (
 def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
     """Reconstruct the photographs and write the largest model; the others are kept beside it."""
     pycolmap.logging.minloglevel = 1  # warnings only: mapping writes dozens of lines per photograph
-    photos, images = read_photos(inputs["photos"]), inputs["photos"] / layout.PHOTO_IMAGES
+    photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     matching = read_matching_table(inputs["matching"])
     with tempfile.TemporaryDirectory(dir=out) as scratch:
-        database = Path(shutil.copy(inputs["matching"] / layout.FEATURES, scratch))  # opening it may write to it
+        database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
         may_be_one_spot = refuse_one_spot(database)
-        earlier = find_earlier(photos, database, inputs.get(layout.EARLIER))
+        earlier = find_earlier(photos, database, inputs.get(EARLIER))
         mapped = reconstruct(images, database, photos, config, progress, earlier and earlier.model)
     if not mapped.models:
         raise nothing_found(matching)
@@ -57,7 +59,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     write_outputs(chosen.model, arrays, mapped.models[1:], alignment, photos, images, out, known)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
-    unplaced.to_parquet(out / layout.UNPLACED)
+    unplaced.to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, alignment, photos)
     metrics = model_metrics(chosen.model, arrays, alignment, photos, doming) | _choices(mapped, chosen)
     joint = weakest_joint(arrays.tracks, len(arrays.views))
@@ -82,7 +84,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
             *doubts,
             *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),
         ),
-        pictures={"Points and cameras from above": layout.SFM_MAP},
+        pictures={"Points and cameras from above": SFM_MAP},
+        decisions=tuple(sfm_decisions(metrics)),
     )
 
 

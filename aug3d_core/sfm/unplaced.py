@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
 
 BLURRED, BARE = "too blurred", "no texture"
 NO_OVERLAP, ISLAND = "too little overlap", "separate island"
@@ -91,6 +91,6 @@ def listed(names: Sequence[str] | np.ndarray) -> str:
 
 
 def _contrast(images: Path, photo_id: int) -> float:
-    with Image.open(images / layout.image_name(photo_id)) as image:
+    with Image.open(images / image_name(photo_id)) as image:
         grey = image.convert("L")
     return float(np.asarray(grey.resize((32, 24), Image.Resampling.BOX), float).std())

@@ -13,13 +13,23 @@ import pycolmap
 from jaxtyping import Float
 
 from aug3d_core.geometry.transforms import centres
+from aug3d_core.run.stage import Metric
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align
 from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
+from aug3d_core.sfm.files import (
+    COLMAP_MODEL,
+    COMPONENTS,
+    OTHER_MODELS,
+    POINTS,
+    SFM_MAP,
+    TRACKS,
+    VIEW_IMAGES,
+    VIEWS,
+    WORLD,
+)
 from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
-from aug3d_core.stage import Metric
-from aug3d_core.store import layout
 
 
 def align_model(
@@ -59,18 +69,18 @@ def write_outputs(
     arrays: what the model holds. others: reconstructions of further photographs, each in a frame of its own. images: folder
     of the photographs' working copies. known: undistorted images that exist already, by photo id.
     """
-    arrays.views.save(out / layout.VIEWS)
-    arrays.points.save(out / layout.POINTS)
-    arrays.tracks.save(out / layout.TRACKS)
-    export.write_undistorted(model, images, out / layout.VIEW_IMAGES, known or {})
-    folders = [layout.COLMAP_MODEL, *(f"{layout.OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
+    arrays.views.save(out / VIEWS)
+    arrays.points.save(out / POINTS)
+    arrays.tracks.save(out / TRACKS)
+    export.write_undistorted(model, images, out / VIEW_IMAGES, known or {})
+    folders = [COLMAP_MODEL, *(f"{OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
     for each, folder in zip([model, *others], folders, strict=True):
         (out / folder).mkdir(parents=True)
         each.write_binary(out / folder)
-    _write_json(_components([model, *others], folders, photos), out / layout.COMPONENTS)
+    _write_json(_components([model, *others], folders, photos), out / COMPONENTS)
     world = world_record(alignment, photos)
-    _write_json(world, out / layout.WORLD)
-    draw_map(arrays.views, arrays.points, world["unit"], out / layout.SFM_MAP)
+    _write_json(world, out / WORLD)
+    draw_map(arrays.views, arrays.points, world["unit"], out / SFM_MAP)
 
 
 def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:

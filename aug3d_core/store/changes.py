@@ -8,8 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from aug3d_core.stage import Stage
-from aug3d_core.store import layout
+from aug3d_core.photos.files import PHOTO_TABLE
+from aug3d_core.run.stage import Stage
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
@@ -48,7 +48,7 @@ def _changed_values(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterat
 
 
 def _photos(folder: Path) -> Iterator[tuple[str, str]]:
-    table = pd.read_parquet(folder / layout.PHOTO_TABLE, columns=["name", "sha256"])
+    table = pd.read_parquet(folder / PHOTO_TABLE, columns=["name", "sha256"])
     return zip(table["name"], table["sha256"], strict=True)
 
 

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.errors import StoreError
-from aug3d_core.scene_name import check_scene_name
+from aug3d_core.run.atomic_file import write_synced
+from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
-from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.store import Store
 
 RULES = ("test_photos", "conventions")  # what two scores must have in common to be compared
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ConfigDict
 
-from aug3d_core.stage import Frozen, Metric, State
+from aug3d_core.run.stage import Decision, Frozen, Metric, State
 
 
 class FileEntry(Frozen):
@@ -42,6 +42,7 @@ class Record(Frozen):
     notes: tuple[str, ...]
     series: dict[str, tuple[tuple[int, float], ...]]
     pictures: dict[str, str]
+    decisions: tuple[Decision, ...] = ()  # records of before 0.7 have none
     seconds: float
     cpu_seconds: float | None = None  # of records from before 0.3: not measured
     peak_mib: float

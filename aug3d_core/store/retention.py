@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.store import Store, discard
@@ -95,7 +95,6 @@ def _drop(store: Store, waste: Waste) -> None:
         stage, key = _object(folder)
         with store.lock(stage, key, timeout_s=0):
             shutil.rmtree(folder) if waste.what == WORK else discard(folder)
-            (store.root / layout.PREFECT_RESULTS / f"{stage}-{key}").unlink(missing_ok=True)
 
 
 def _drop_folder(folder: Path, counts_by: str) -> None:

@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.errors import StoreError, UsageError
-from aug3d_core.scene_name import check_scene_name
+from aug3d_core.run.atomic_file import write_synced
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
-from aug3d_core.store.store import Store, write_synced
+from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
 
 
@@ -85,22 +86,29 @@ def records_before(store: Store, scene: str) -> dict[str, Record]:
     return records_of(store, metrics)
 
 
+def step_objects(metrics: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """Return the stage and the key of each step's object, as a version names them."""
+    if "objects" in metrics:
+        return {step: (named["stage"], named["key"]) for step, named in metrics["objects"].items()}
+    # Up to 0.6 a version held only the paths of its objects, in a store that may have been moved since
+    folders = {step: Path(files).parent for step, files in metrics["paths"]["objects"].items()}
+    return {step: (folder.parent.name, folder.name) for step, folder in folders.items()}
+
+
 def records_of(store: Store, metrics: Mapping[str, Any]) -> dict[str, Record]:
     """Return what a version is made of, by step; what is gone is left out."""
-    keys = {step: Path(files).parent for step, files in metrics["paths"]["objects"].items()}
-    found = {step: store.find(folder.parent.name, folder.name) for step, folder in keys.items()}
+    found = {step: store.find(stage, key) for step, (stage, key) in step_objects(metrics).items()}
     return {step: record for step, record in found.items() if record is not None}
 
 
 def object_of(store: Store, metrics: Mapping[str, Any], step: str) -> Record:
     """Return what a step of a version made; raises UsageError if it made none, StoreError if the files are gone."""
-    scene, objects = metrics["scene"], metrics["paths"]["objects"]
+    scene, objects = metrics["scene"], step_objects(metrics)
     if step not in objects:
         raise UsageError(
             f"scene {scene!r} has no {step}: its last run ended before", f"see aug3d show {scene}, then run again"
         )
-    key = Path(objects[step]).parent.name  # the store may have been moved since
-    record = store.find(Path(objects[step]).parent.parent.name, key)
+    record = store.find(*objects[step])
     if record is None:
         raise StoreError(f"the {step} of scene {scene!r} is gone from {store.root}", "run the scene again")
     return record

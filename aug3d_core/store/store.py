@@ -6,7 +6,6 @@ object cannot be seen. Work folders survive a kill: a resumable stage goes on wh
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import hashlib
 import os
@@ -18,9 +17,10 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
-from aug3d_core.durable import replacing
-from aug3d_core.errors import StoreError
-from aug3d_core.stage import Progress
+from aug3d_core.run.atomic_file import disk_full, write_synced
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.files import ERROR, FILES, JOB, LOG
+from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.record import FileEntry, Record, files_digest
 
@@ -50,7 +50,7 @@ class Store:
 
     def files_dir(self, record: Record) -> Path:
         """Return the folder that holds the object's files."""
-        return self.object_dir(record.stage, record.key) / layout.FILES
+        return self.object_dir(record.stage, record.key) / FILES
 
     def work_dir(self, stage: str, key: str) -> Path:
         """Return the folder in which an object is being made."""
@@ -114,7 +114,7 @@ class Store:
         folder = self.object_dir(stage, key)
         try:
             record = Record.model_validate_json((folder / layout.RECORD).read_bytes())
-            whole = all(_intact(folder / layout.FILES / path, entry) for path, entry in record.files.items())
+            whole = all(_intact(folder / FILES / path, entry) for path, entry in record.files.items())
         except (FileNotFoundError, NotADirectoryError, ValidationError):
             return None
         except OSError as error:
@@ -136,12 +136,12 @@ class Store:
         for path in (self.root / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"):
             with suppress(OSError, ValidationError):
                 if Record.model_validate_json(path.read_bytes()).recipe == recipe:
-                    found.append((path.stat().st_mtime_ns, path.parent / layout.FILES))
+                    found.append((path.stat().st_mtime_ns, path.parent / FILES))
         return [files for _, files in sorted(found, reverse=True)[:most]]
 
     def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
         """Turn a work folder into an object: digest the files, write the record last, sync, rename."""
-        files = {p.relative_to(work / layout.FILES).as_posix(): p for p in _files_under(work / layout.FILES)}
+        files = {p.relative_to(work / FILES).as_posix(): p for p in _files_under(work / FILES)}
         entries = {name: file_entry(path) for name, path in sorted(files.items())}
         record = Record(stage=stage, key=key, digest=files_digest(entries), files=entries, **record_fields)
         write_synced(work / layout.RECORD, record.model_dump_json(indent=1).encode())
@@ -157,11 +157,11 @@ class Store:
         Partial files stay only if the next try can go on with them. They go first: the disk may be full of them.
         """
         if not resumable:
-            shutil.rmtree(work / layout.FILES, ignore_errors=True)
+            shutil.rmtree(work / FILES, ignore_errors=True)
         kept = self.failure_dir(stage, key)
         try:
             kept.mkdir(parents=True, exist_ok=True)
-            for name in (layout.JOB, layout.LOG, layout.ERROR):
+            for name in (JOB, LOG, ERROR):
                 if (work / name).exists():
                     shutil.copyfile(work / name, kept / name)
         except OSError as error:
@@ -182,17 +182,6 @@ def file_entry(path: Path) -> FileEntry:
         os.fsync(file.fileno())
         stat = os.fstat(file.fileno())
     return FileEntry(sha256=digest.hexdigest(), size_bytes=stat.st_size, mtime_ns=stat.st_mtime_ns)
-
-
-def write_synced(path: Path, content: bytes) -> None:
-    """Write a small file so that it is either old or new after a crash, never half."""
-    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}")) as file:
-        file.write(content)
-
-
-def disk_full(error: OSError) -> bool:
-    """Say whether an error means that nothing more can be written."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 def _intact(path: Path, entry: FileEntry) -> bool:

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.errors import StoreError
+from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import step_objects
 from aug3d_core.store.store import Store
 
 Object = tuple[str, str]  # stage, key
@@ -45,8 +46,7 @@ def versions(store: Store) -> list[Holder]:
     """Return every version that counts, oldest first within a scene; raises StoreError if one cannot be read."""
 
     def read(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
-        files = map(Path, told["paths"]["objects"].values())
-        return frozenset((path.parent.parent.name, path.parent.name) for path in files), "failure" not in told
+        return frozenset(step_objects(told).values()), "failure" not in told
 
     return _holders(store.root / layout.SCENES, layout.METRICS, read)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from aug3d_core.errors import UsageError
+from aug3d_core.run.errors import UsageError
 from aug3d_core.store.published import published
 from aug3d_core.store.scenes import last_version, versions
 from aug3d_core.store.store import Store

@@ -1,4 +1,4 @@
-"""A coloured mesh from fused depth and the photographs: the only door to open3d.
+"""A textured mesh from fused depth and the photographs.
 
 config    settings and their presets
 evidence  which fused points may be used
@@ -7,7 +7,6 @@ trim      the surface only where points speak for it
 decimate  no more triangles than it needs
 build     one mesh from the photos of some roles
 shape     splitting, cutting and cleaning of triangles (numpy)
-raycast   rays, renders and distances against a mesh
 exposure  how the photographs' exposures differ
 colour    colours of places on the surface from the photographs that see them best
 atlas     where each triangle lies in the texture

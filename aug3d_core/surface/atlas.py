@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from aug3d_core.surface.raycast import Hits, Raycaster
+from aug3d_core.geometry.raycast import Hits, Raycaster
 from aug3d_core.surface.shape import Shape, triangle_neighbours, triangle_normals
 
 GUTTER = 2  # texels around a chart, so that sampling between texels takes nothing from the next chart

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.views import Tracks, Views
+from aug3d_core.run.errors import InputError
 from aug3d_core.surface.atlas import atlas_within
 from aug3d_core.surface.colour import Photographs, ground_sampling, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig

@@ -10,10 +10,10 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.raycast import Hits, Raycaster, Render
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.views import Views
-from aug3d_core.store.layout import image_name
-from aug3d_core.surface.raycast import Hits, Raycaster, Render
+from aug3d_core.photos.files import image_name
 
 COVERED = 250  # alpha of a reduced pixel from which it counts as covered by the mesh
 BACKGROUND = 245  # grey of pictures where there is no surface

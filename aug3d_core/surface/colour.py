@@ -17,11 +17,11 @@ from PIL import Image
 from scipy import sparse
 from scipy.ndimage import map_coordinates
 
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.store.layout import image_name
+from aug3d_core.photos.files import image_name
 from aug3d_core.surface.exposure import exposure_gains
-from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.surface.shape import Shape, edges, vertex_normals
 
 MIN_COSINE = 0.1  # flatter than this a photo sees the place as a smear

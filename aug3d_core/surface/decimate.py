@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.surface.poisson import simplify
-from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.surface.shape import Shape, drop_degenerate
 
 PERCENTILE = 95.0  # of the distance from the fine mesh's vertices; the rest are spikes and rims that need not be kept

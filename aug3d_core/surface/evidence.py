@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.run.errors import InputError
 
 MIN_POINTS = 1000  # below this a surface would be an invention
 NEIGHBOURS = 8

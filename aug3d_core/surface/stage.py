@@ -18,16 +18,29 @@ from jaxtyping import Float, Int
 from PIL import Image
 from scipy.spatial import KDTree
 
+from aug3d_core.depth.files import BASELINE_FUSED, FUSED
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.grouping.roles import read_roles
-from aug3d_core.grouping.spread import evenly_spread
-from aug3d_core.stage import Inputs, Metric, Outcome, Progress
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
+from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import read_roles
 from aug3d_core.surface import checks
 from aug3d_core.surface.build import Built, Clock, build
 from aug3d_core.surface.config import SurfaceConfig
+from aug3d_core.surface.decisions import decisions
+from aug3d_core.surface.files import (
+    BASELINE_MESH,
+    BASELINE_MESH_TEXTURE,
+    BASELINE_RENDERS,
+    BASELINE_TEXTURED_MESH,
+    MESH,
+    MESH_SOURCES,
+    MESH_TEXTURE,
+    TEXTURED_MESH,
+)
 
 FEW_POINTS = 10_000
 LOW_COVERAGE = 0.5
@@ -55,35 +68,41 @@ class _Scene:
 
 def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) -> Outcome:
     """Build both meshes, render the second at the targets, and compare it with the photos."""
-    views = Views.load(inputs["sfm"] / layout.VIEWS)
+    views = Views.load(inputs["sfm"] / VIEWS)
     scene = _Scene(
         views,
-        Tracks.load(inputs["sfm"] / layout.TRACKS),
+        Tracks.load(inputs["sfm"] / TRACKS),
         read_roles(inputs["grouping"], len(views)),
-        inputs["sfm"] / layout.VIEW_IMAGES,
+        inputs["sfm"] / VIEW_IMAGES,
         config,
     )
     train, given, targets = scene.having("train"), scene.having("train", "gap", "support"), scene.having("target")
     clock, tick = Clock(), _counter(2 * (len(train) + len(given)) + 1, progress)
-    train_mesh = _build(scene, inputs["depth"] / layout.FUSED, train, clock, tick)
-    _save(train_mesh, out, layout.MESH, layout.TEXTURED_MESH, layout.MESH_TEXTURE)
-    baseline = _build(scene, inputs["depth"] / layout.BASELINE_FUSED, given, clock, tick)
-    _save(baseline, out, layout.BASELINE_MESH, layout.BASELINE_TEXTURED_MESH, layout.BASELINE_MESH_TEXTURE)
+    train_mesh = _build(scene, inputs["depth"] / FUSED, train, clock, tick)
+    _save(train_mesh, out, MESH, TEXTURED_MESH, MESH_TEXTURE)
+    baseline = _build(scene, inputs["depth"] / BASELINE_FUSED, given, clock, tick)
+    _save(baseline, out, BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE)
     sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
-    (out / layout.MESH_SOURCES).write_text(json.dumps(sources))
+    (out / MESH_SOURCES).write_text(json.dumps(sources))
     known = evenly_spread(given, config.check_views)
     with clock.step("checks"):
         renders = checks.render_views(
             baseline.best, views, [*targets, *known], _exposures(views, given, baseline.gains)
         )
-        _save_renders(out / layout.BASELINE_RENDERS, renders[: len(targets)], views, targets)
-        figures = _figures(train_mesh, baseline, config) | _compare(scene, targets, known, renders)
+        _save_renders(out / BASELINE_RENDERS, renders[: len(targets)], views, targets)
+        reasons = _reasons(baseline, config)
+        figures = _figures(train_mesh, baseline) | {"needs": "; ".join(reasons.values())}
+        figures |= _compare(scene, targets, known, renders)
         pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
     figures |= {f"{name.replace(' ', '_')}_seconds": round(spent, 1) for name, spent in clock.seconds.items()}
     progress(1, 1, "done")
     doubts = _doubts(figures)
     return Outcome(
-        metrics=figures, state="degraded" if doubts else "ok", notes=(*doubts, *_remarks(figures)), pictures=pictures
+        metrics=figures,
+        state="degraded" if doubts else "ok",
+        notes=(*doubts, *_remarks(figures)),
+        pictures=pictures,
+        decisions=tuple(decisions(figures, reasons)),
     )
 
 
@@ -121,11 +140,11 @@ def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> No
 def _save_renders(folder: Path, renders: list[Image.Image], views: Views, targets: np.ndarray) -> None:
     folder.mkdir(exist_ok=True)
     for view, render in zip(targets, renders, strict=True):
-        render.save(folder / layout.image_name(views.photo_id[view]))
+        render.save(folder / image_name(views.photo_id[view]))
 
 
-def _figures(train: Built, baseline: Built, config: SurfaceConfig) -> dict[str, Metric]:
-    """Return the sizes of the meshes and why; lengths in GSD, so that they mean the same in every unit."""
+def _figures(train: Built, baseline: Built) -> dict[str, Metric]:
+    """Return the sizes of the meshes; lengths in GSD, so that they mean the same in every unit."""
     figures: dict[str, Metric] = {}
     for prefix, built in (("", train), ("baseline_", baseline)):
         gsd = built.ground_sampling
@@ -143,20 +162,22 @@ def _figures(train: Built, baseline: Built, config: SurfaceConfig) -> dict[str, 
             f"{prefix}charts": built.charts,
             f"{prefix}exposure_spread": round(float(np.max(built.gains.max(axis=0) / built.gains.min(axis=0))), 3),
         }
-    return figures | {"needs": _needs(baseline, config)}
+    return figures
 
 
-def _needs(built: Built, config: SurfaceConfig) -> str:
-    """Say why the mesh has this many triangles and texels."""
+def _reasons(built: Built, config: SurfaceConfig) -> dict[str, str]:
+    """Say why the mesh has this depth of octree, and this many triangles and texels."""
     gsd = built.ground_sampling
     detail = "a texel" if config.colour == "texture" else "between vertices that carry colour"
     asked = config.texel_gsd if config.colour == "texture" else 1.0
     why = "as asked" if built.detail <= 1.001 * asked * gsd else "all that the budget allows"
-    return (
-        f"octree of depth {built.octree_depth}: about two points' spacings a cell, finer would model their noise; "
-        f"{len(built.mesh.triangles)} of {built.triangles_full} triangles: half as many would move 5 % of the surface by "
-        f"more than {config.max_error_gsd:g} GSD; {built.detail / gsd:.2f} GSD {detail}: {why}"
-    )
+    return {
+        "octree_depth": f"octree of depth {built.octree_depth}: about two points' spacings a cell, finer would model their"
+        " noise",
+        "triangles": f"{len(built.mesh.triangles)} of {built.triangles_full} triangles: half as many would move 5 % of the"
+        f" surface by more than {config.max_error_gsd:g} GSD",
+        "texels": f"{built.detail / gsd:.2f} GSD {detail}: {why}",
+    }
 
 
 def _compare(scene: _Scene, targets: np.ndarray, known: np.ndarray, renders: list[Image.Image]) -> dict[str, Metric]:

@@ -2,51 +2,55 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from aug3d_core.bench.buildings import LANDS, SAM_LANDS, land_figures
-from aug3d_core.bench.trial import Trial
+from aug3d_core.domes.boxes import Buildings
+from aug3d_core.domes.files import BUILDINGS
+from aug3d_core.factory.config import scene_config
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.sampling.boxes import Buildings
-from aug3d_core.scene_config import scene_config
+from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store import layout
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Trial
+from aug3d_core.town.files import TOWN_TRUTH, TRUTH_FOOTPRINTS, TRUTH_POSES
 
 FLAT = LANDS[0]
 
 
-class FolderStore:
+class FolderStore(Store):
     """A store whose records are folders."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
 
-    def files_dir(self, record: SimpleNamespace) -> Path:
-        return record.folder
+    def files_dir(self, record: Record) -> Path:
+        return self.root / record.stage
 
 
 def store_with(root: Path, boxes: np.ndarray) -> tuple[Any, Any]:
     """A flat town of two houses, of which these boxes were found."""
     folders = {name: root / name for name in ("town", "sfm", "sampling")}
-    for folder in (*folders.values(), root / "town" / layout.TOWN_TRUTH):
+    for folder in (*folders.values(), root / "town" / TOWN_TRUTH):
         folder.mkdir(exist_ok=True)
     places = np.array([[0.0, 0.0, 50.0], [30.0, 0.0, 52.0], [0.0, 30.0, 51.0], [20.0, 25.0, 55.0]])
     poses = np.stack([look_at(place, place * [1, 1, 0] + [0, 1, 0]) for place in places])
     views = Views(np.arange(4), poses, np.tile([500.0, 500, 320, 240], (4, 1)), np.tile([640, 480], (4, 1)))
-    views.save(folders["sfm"] / layout.VIEWS)
-    views.save(folders["town"] / layout.TRUTH_POSES)
+    views.save(folders["sfm"] / VIEWS)
+    views.save(folders["town"] / TRUTH_POSES)
     houses = [[[0, 0], [10, 0], [10, 10], [0, 10]], [[20, 0], [30, 0], [30, 10], [20, 10]]]
     text = json.dumps({"footprints": [{"outline_m": house} for house in houses]})
-    (folders["town"] / layout.TRUTH_FOOTPRINTS).write_text(text)
+    (folders["town"] / TRUTH_FOOTPRINTS).write_text(text)
     covered = np.ones((100, 100), bool)
     rgb = np.zeros((100, 100, 3), np.uint8)
-    Buildings(~covered, boxes, covered, rgb, np.array([-10.0, -20.0]), 0.5).save(folders["sampling"] / layout.BUILDINGS)
-    records = {name: SimpleNamespace(folder=folder, seconds=1.5) for name, folder in folders.items()}
-    return FolderStore(root), Trial(records)  # pyright: ignore[reportArgumentType]
+    Buildings(~covered, boxes, covered, rgb, np.array([-10.0, -20.0]), 0.5).save(folders["sampling"] / BUILDINGS)
+    records = {name: Record.model_construct(stage=name, seconds=1.5) for name in folders}
+    return FolderStore(root), Trial(records)
 
 
 def test_half_of_two_houses_found_is_two_thirds(tmp_path: Path) -> None:
@@ -59,13 +63,13 @@ def test_half_of_two_houses_found_is_two_thirds(tmp_path: Path) -> None:
 
 
 def test_a_trial_that_ended_early_says_why(tmp_path: Path) -> None:
-    figure = land_figures(FolderStore(tmp_path), Trial({}, "no photographs"), FLAT)["building_f1_flat"]  # pyright: ignore[reportArgumentType]
+    figure = land_figures(FolderStore(tmp_path), Trial({}, "no photographs"), FLAT)["building_f1_flat"]
     assert figure.value is None and figure.holds is False and figure.failure == "no photographs"
 
 
 def test_no_ground_is_a_failure_too(tmp_path: Path) -> None:
     store, trial = store_with(tmp_path, np.zeros((0, 4)))
-    (tmp_path / "sampling" / layout.BUILDINGS).unlink()
+    (tmp_path / "sampling" / BUILDINGS).unlink()
     assert "no ground" in land_figures(store, trial, FLAT)["building_f1_flat"].failure
 
 

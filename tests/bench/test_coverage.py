@@ -1,9 +1,9 @@
-from types import SimpleNamespace
-
 import pytest
 
 from aug3d_core.bench import coverage
-from aug3d_core.bench.trial import Trial
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Measured, Trial
 
 
 def with_ratios(monkeypatch: pytest.MonkeyPatch, ratios: dict[str, float | None]) -> dict:
@@ -14,10 +14,10 @@ def with_ratios(monkeypatch: pytest.MonkeyPatch, ratios: dict[str, float | None]
         metrics["coverage_views_ratio"] = ratios.get(overrides[-1])
         if overrides[0] == "sampling.method=dome":
             return Trial({}, "it failed")
-        return Trial({"sampling": SimpleNamespace(metrics=metrics, seconds=3.0)})  # pyright: ignore[reportArgumentType]
+        return Trial({"sampling": Record.model_construct(stage="sampling", metrics=metrics, seconds=3.0)})
 
     monkeypatch.setattr(coverage, "run_trial", run_trial)
-    return coverage.figures(None, None, print)  # pyright: ignore[reportArgumentType]
+    return coverage.figures(object.__new__(Store), Measured("tiny"), print)
 
 
 def test_the_ratio_is_that_of_the_worst_seed(monkeypatch):

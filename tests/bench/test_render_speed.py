@@ -9,7 +9,7 @@ from aug3d_core.bench import render_speed
 from aug3d_core.bench.render_speed import Speed, draw_speeds, many_views, quartered, resized, speeds
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.rendering.job import MeshFile
-from aug3d_core.store import layout
+from aug3d_core.surface.files import MESH_TEXTURE, TEXTURED_MESH
 
 SIZE = (128, 96)
 
@@ -79,7 +79,7 @@ def test_each_value_is_timed_without_its_first_view(monkeypatch, tmp_path):
     monkeypatch.setattr(render_speed, "find_mesh", lambda folder: MeshFile(path=folder))
     monkeypatch.setattr(render_speed.time, "monotonic", lambda: now[0])
     mesh = TexturedMesh(np.eye(3), np.array([[0, 1, 2]]), np.zeros((1, 3, 2)), np.zeros((4, 4, 3), np.uint8))
-    mesh.save(tmp_path / layout.TEXTURED_MESH, tmp_path / layout.MESH_TEXTURE)
+    mesh.save(tmp_path / TEXTURED_MESH, tmp_path / MESH_TEXTURE)
     told = speeds(tmp_path, many_views(planned(), 30, SIZE), 8, tmp_path, lambda *_: None)
     for speed in told:
         expected = 1 / speed.value if speed.setting == "samples per pixel" else 1 / 8

@@ -8,7 +8,7 @@ import pytest
 from aug3d_core.bench.big_scene import big_scene
 from aug3d_core.bench.scale import grouping_seconds, similarity_cost
 from aug3d_core.geometry.transforms import apply, project
-from aug3d_core.grouping.methods import METHODS
+from aug3d_core.groups.methods import METHODS
 
 
 def test_the_flight_is_as_large_as_asked() -> None:

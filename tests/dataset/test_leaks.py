@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import sparse
-from toy_scene import toy_scene
 
 from aug3d_core.dataset.leaks import Check, Sight, audit, report
 from aug3d_core.dataset.scene import RENDERED, SPLITS, Scene
+from tests.toy_scene import toy_scene
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from filecmp import cmp
 import numpy as np
 import pytest
 import zarr
-from toy_scene import toy_scene
 
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.writer import arrays_of, write
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
+from tests.toy_scene import toy_scene
 
 
 @pytest.fixture(scope="module")

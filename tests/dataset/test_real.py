@@ -9,7 +9,9 @@ from aug3d_core.dataset.real import pack_real
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
 
 
 def test_photographs_of_other_sizes_and_shapes_are_packed_to_one(tmp_path):
@@ -23,18 +25,18 @@ def test_photographs_of_other_sizes_and_shapes_are_packed_to_one(tmp_path):
         intrinsics=np.column_stack([focal_px, focal_px, sizes / 2]),
         size=sizes,
     )
-    (tmp_path / layout.VIEW_IMAGES).mkdir()
+    (tmp_path / VIEW_IMAGES).mkdir()
     for photo_id, (width, height) in enumerate(sizes.tolist()):
         stripes = np.zeros((height, width, 3), np.uint8)
         stripes[height // 2 :] = 200
-        Image.fromarray(stripes).save(tmp_path / layout.VIEW_IMAGES / layout.image_name(photo_id))
-    views.save(tmp_path / layout.VIEWS)
+        Image.fromarray(stripes).save(tmp_path / VIEW_IMAGES / image_name(photo_id))
+    views.save(tmp_path / VIEWS)
     rng = np.random.default_rng(0)
     xyz = np.column_stack([rng.uniform(-9, 9, (50, 2)), rng.uniform(0, 3, 50)])
-    Points(xyz, np.zeros((50, 3), np.uint8), np.ones(50)).save(tmp_path / layout.POINTS)
+    Points(xyz, np.zeros((50, 3), np.uint8), np.ones(50)).save(tmp_path / POINTS)
     point, view = np.tile(np.arange(50), 3), np.repeat(np.arange(3), 50)
-    Tracks(point, view, np.zeros((150, 2))).save(tmp_path / layout.TRACKS)
-    pd.DataFrame({"view": range(3), "role": "train"}).to_parquet(tmp_path / layout.SPLIT_TABLE)
+    Tracks(point, view, np.zeros((150, 2))).save(tmp_path / TRACKS)
+    pd.DataFrame({"view": range(3), "role": "train"}).to_parquet(tmp_path / SPLIT_TABLE)
     packed = pack_real(tmp_path, tmp_path, Slab(0, 0, 0, -1, 4), DatasetConfig(width_px=20, height_px=16))
     assert packed.images.shape == (3, 16, 20, 3)
     assert np.array_equal(packed.images[0], packed.images[1])

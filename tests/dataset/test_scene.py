@@ -1,10 +1,10 @@
 from dataclasses import replace
 
 import pytest
-from toy_scene import toy_scene
 
-from aug3d_core.dataset.scene import check
-from aug3d_core.errors import InputError
+from aug3d_core.dataset.scene import BASELINE_ARRAYS, check
+from aug3d_core.run.errors import InputError
+from tests.toy_scene import toy_scene
 
 
 @pytest.fixture(scope="module")
@@ -27,4 +27,4 @@ def test_a_group_with_a_view_that_is_not_there_is_refused(scene):
 
 def test_a_target_without_a_mesh_render_is_refused(scene):
     with pytest.raises(InputError, match=f"test view {scene.baseline_view[-1]} has no mesh render"):
-        check(replace(scene, baseline_view=scene.baseline_view[:-1]), "scene.zarr")
+        check(replace(scene, **{name: getattr(scene, name)[:-1] for name in BASELINE_ARRAYS}), "scene.zarr")

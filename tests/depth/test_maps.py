@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.depth.maps import read_map, write_map
-from aug3d_core.errors import InputError
+from aug3d_core.run.errors import InputError
 
 
 @given(st.integers(1, 9), st.integers(1, 9), st.sampled_from([1, 3]), st.integers(0, 2**32 - 1))

@@ -3,11 +3,11 @@
 import os
 
 import pytest
-from toy_scene import toy_scene
 
+from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.writer import write
-from aug3d_core.isolation import QUIET_THREADS
-from aug3d_core.store import layout
+from aug3d_core.run.process import QUIET_THREADS
+from tests.toy_scene import toy_scene
 
 for name, value in QUIET_THREADS.items():
     os.environ.setdefault(name, value)  # before torch loads OpenMP
@@ -21,15 +21,14 @@ def scene():
 @pytest.fixture(scope="module")
 def dataset(scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dataset")
-    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
+    write(scene, folder / SCENE_ZARR, shard_views=64)
     return folder
 
 
 @pytest.fixture(scope="module")
 def trained(dataset, tmp_path_factory):
-    from engines.toy_training import CONFIG, silent
-
-    from aug3d_core.nerf import training_stage  # torch, which most engines do without
+    from aug3d_core.training import stage as training_stage  # torch, which most engines do without
+    from tests.engines.toy_training import CONFIG, silent
 
     out = tmp_path_factory.mktemp("training")
     return out, training_stage.run({"dataset": dataset}, CONFIG, out, silent)

@@ -7,12 +7,12 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from photos.photo_files import degrees
 from PIL import ExifTags, Image
 from PIL.TiffImagePlugin import IFDRational
 
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.transforms import centres, invert, look_at
+from tests.photos.photo_files import degrees
 
 SIZE = (320, 240)
 FOCAL_35MM = 30

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from aug3d_core.domes.config import SamplingConfig
+from aug3d_core.domes.height_raster import height_raster
+from aug3d_core.domes.site import Site, black_triangles, relief
 from aug3d_core.geometry.ply import Mesh
-from aug3d_core.sampling.config import SamplingConfig
-from aug3d_core.sampling.ground import ground_of
-from aug3d_core.sampling.site import Site, black_triangles, relief
-from aug3d_core.surface.raycast import Raycaster
+from aug3d_core.geometry.raycast import Raycaster
 
 CONFIG = SamplingConfig(domes=12)
 SIZE = np.array([96, 72])
@@ -31,7 +31,7 @@ def town(tower: float = 0.0) -> Mesh:
 
 def site_over(mesh: Mesh, drawn: int = VIEWS_PER_DOME) -> tuple[Raycaster, Site]:
     surface = Raycaster(mesh.xyz, mesh.triangles)
-    ground = ground_of(mesh, surface)
+    ground = height_raster(mesh, surface)
     high = relief(ground, np.random.default_rng(0))
     justified = np.zeros(len(mesh.triangles))
     return surface, Site(ground, LENS, SIZE, 0.05, VIEWS_PER_DOME, drawn, high, black_triangles(mesh), justified)

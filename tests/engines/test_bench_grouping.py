@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from aug3d_core.bench.grouping import PATHS, path_figures
-from aug3d_core.bench.trial import Trial
-from aug3d_core.grouping.comparison import BEST
-from aug3d_core.grouping.methods import METHODS
-from aug3d_core.scene_config import scene_config
-from aug3d_core.stage import Metric
+from aug3d_core.factory.config import scene_config
+from aug3d_core.groups.methods import METHODS
+from aug3d_core.overlap.comparison import BEST
+from aug3d_core.run.stage import Metric
 from aug3d_core.store.record import Record
+from aug3d_core.studies.common.trial import Trial
 
 
 def trial(**bad: float | None) -> Trial:

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from aug3d_core.errors import InputError
+from aug3d_core.domes.boxes import Buildings, merged, overlap
+from aug3d_core.domes.building_chart import draw_buildings
+from aug3d_core.domes.cameras import Plan
+from aug3d_core.domes.height_raster import MOST_PX, RASTER_PX, HeightRaster, height_raster
+from aug3d_core.domes.methods import METHODS
+from aug3d_core.domes.orthographic import buildings_among, cut, dividing_height, without_threads
+from aug3d_core.domes.place import looked_at
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.similarity import Similarity
-from aug3d_core.sampling.boxes import Buildings, merged, overlap
-from aug3d_core.sampling.building_chart import draw_buildings
-from aug3d_core.sampling.cameras import Plan
-from aug3d_core.sampling.ground import MOST_PX, RASTER_PX, Ground, ground_of
-from aug3d_core.sampling.methods import METHODS
-from aug3d_core.sampling.orthographic import buildings_among, cut, dividing_height, without_threads
-from aug3d_core.sampling.place import looked_at
-from aug3d_core.surface.raycast import Raycaster
-from aug3d_core.testbed.building_boxes import score_boxes, true_boxes
-from aug3d_core.testbed.config import TownConfig
-from aug3d_core.testbed.terrain import terrain_of
-from aug3d_core.testbed.town import build_town, coloured_mesh
+from aug3d_core.run.errors import InputError
+from aug3d_core.town.config import TownConfig
+from aug3d_core.town.generator.terrain import terrain_of
+from aug3d_core.town.generator.town import build_town, coloured_mesh
+from aug3d_core.town.truth.building_boxes import score_boxes, true_boxes
 from tests.engines.little_town import VIEWS_PER_DOME, config, site_over, town
 
 HOUSES = np.array([[-40, -30, -28, -20], [-10, -30, 2, -18], [-2, 10, 30, 22], [-40, 20, -30, 34]], float)
@@ -32,7 +32,7 @@ LAWN, ROOF, LEAVES = (120, 140, 80), (170, 90, 70), (70, 110, 50)
 
 def village(
     houses: np.ndarray = HOUSES, rise: tuple[float, float] = (0.0, 0.0), trees: int = 0, roof: float = 6.0
-) -> Ground:
+) -> HeightRaster:
     """A meadow with houses of flat roofs, and round trees of a rough crown, on a plane that rises by so much a metre."""
     count = round(2 * HALF / SQUARE)
     middles = SQUARE * (np.arange(count) + 0.5) - HALF
@@ -49,15 +49,15 @@ def village(
         inside = (x > west) & (x < east) & (y > south) & (y < north)
         height[inside] = rise[0] * (west + east) / 2 + rise[1] * (south + north) / 2 + roof
         rgb[inside] = ROOF
-    return Ground(height, rgb, np.array([-HALF, -HALF]), SQUARE)
+    return HeightRaster(height, rgb, np.array([-HALF, -HALF]), SQUARE)
 
 
-def find_buildings(ground: Ground, smallest: float = SMALLEST, percentile: float | None = None) -> Buildings:
+def find_buildings(ground: HeightRaster, smallest: float = SMALLEST, percentile: float | None = None) -> Buildings:
     piece = cut(ground, smallest, percentile, np.random.default_rng(0))
     return buildings_among(without_threads(piece), piece, ground)
 
 
-def boxes_in(ground: Ground, percentile: float | None = None) -> np.ndarray:
+def boxes_in(ground: HeightRaster, percentile: float | None = None) -> np.ndarray:
     return find_buildings(ground, percentile=percentile).boxes
 
 
@@ -74,7 +74,7 @@ def test_houses_are_found_on_any_slope_and_trees_are_not(rise: tuple[float, floa
 
 
 def test_land_that_misses_its_model_is_doubted_and_a_slope_is_not() -> None:
-    def doubts(ground: Ground) -> tuple[str, ...]:
+    def doubts(ground: HeightRaster) -> tuple[str, ...]:
         return cut(ground, SMALLEST, None, np.random.default_rng(0)).doubts
 
     steep = village(rise=(0.3, 0.0), trees=40)
@@ -86,7 +86,7 @@ def test_land_that_misses_its_model_is_doubted_and_a_slope_is_not() -> None:
 
 def test_boxes_do_not_depend_on_the_unit() -> None:
     ground = village(rise=(0.1, 0.0), trees=20)
-    feet = Ground(ground.height * 3.28, ground.rgb, ground.low * 3.28, ground.square * 3.28)
+    feet = HeightRaster(ground.height * 3.28, ground.rgb, ground.low * 3.28, ground.square * 3.28)
     found = find_buildings(feet, SMALLEST * 3.28).boxes
     np.testing.assert_allclose(found / 3.28, boxes_in(ground), atol=1e-6)
 
@@ -137,7 +137,7 @@ def test_a_percentile_set_by_hand_slices_where_it_says() -> None:
     tall = village(HOUSES[2:], roof=15.0)
     height = np.maximum(two_heights.height, tall.height)
     rgb = np.where(tall.height[..., None] > 0, tall.rgb, two_heights.rgb)
-    ground = Ground(height, rgb, tall.low, tall.square)
+    ground = HeightRaster(height, rgb, tall.low, tall.square)
     assert_found(boxes_in(ground), HOUSES)
     above = height[height > 0]
     percentile = 100 * (1 - len(above) / height.size) + 100 * np.mean(above < 10) * len(above) / height.size - 1
@@ -152,7 +152,7 @@ def test_heights_are_divided_between_the_ground_and_the_lowest_roofs() -> None:
 
 
 def test_without_a_ground_there_is_nothing_to_stand_out_from() -> None:
-    tower = Ground(np.full((2, 2), 3.0), np.zeros((2, 2, 3), np.uint8), np.zeros(2), 1.0)
+    tower = HeightRaster(np.full((2, 2), 3.0), np.zeros((2, 2, 3), np.uint8), np.zeros(2), 1.0)
     with pytest.raises(InputError, match="no ground"):
         boxes_in(tower)
 
@@ -208,7 +208,7 @@ def test_the_raster_is_as_fine_as_asked_within_reason() -> None:
     mesh = town()
     surface = site_over(mesh)[0]
     for widest, square in [(np.inf, 80 / RASTER_PX), (0.1, 0.1), (1.0, 80 / RASTER_PX), (1e-6, 80 / MOST_PX)]:
-        assert ground_of(mesh, surface, widest).square == pytest.approx(square)
+        assert height_raster(mesh, surface, widest).square == pytest.approx(square)
 
 
 def test_the_picture_is_written(tmp_path) -> None:
@@ -226,7 +226,7 @@ def test_the_buildings_of_another_town_are_found(terrain: str) -> None:
     settings = TownConfig(seed=11, length_m=120, width_m=90, terrain=terrain)
     made = build_town(settings, terrain_of(settings), np.random.default_rng(settings.seed))
     mesh = coloured_mesh(made)
-    ground = ground_of(mesh, Raycaster(mesh.xyz, mesh.triangles))
+    ground = height_raster(mesh, Raycaster(mesh.xyz, mesh.triangles))
     found = find_buildings(ground)
     same = Similarity(1.0, np.eye(3), np.zeros(3))
     asked, allowed = true_boxes([footprint.outline_m for footprint in made.footprints], same, found)

@@ -8,8 +8,8 @@ import pycolmap
 import pytest
 
 from aug3d_core.geometry.transforms import apply, look_at
+from aug3d_core.photos.files import image_name
 from aug3d_core.sfm.camera_model import choose_camera_model
-from aug3d_core.store import layout
 
 FOCAL_PX = 500.0
 LENSES = {
@@ -45,7 +45,7 @@ def mapped_with_the_simplest(lens: str, zooms: tuple[float, ...] = (1.0,)) -> py
         inside = np.flatnonzero(((seen >= 0) & (seen < [640, 480])).all(axis=1))
         for index, point in enumerate(inside):
             tracks[point].add_element(image_id, index)
-        image = pycolmap.Image(layout.image_name(image_id - 1), seen[inside], camera_id=camera_id, image_id=image_id)
+        image = pycolmap.Image(image_name(image_id - 1), seen[inside], camera_id=camera_id, image_id=image_id)
         cam_from_world = pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:, :3]), pose[:, 3])
         model.add_image_with_trivial_frame(image, cam_from_world)
     for xyz, track in zip(points, tracks, strict=True):

@@ -8,8 +8,8 @@ from pathlib import Path
 import pycolmap
 import pytest
 
-from aug3d_core.errors import InputError
-from aug3d_core.formats.colmap_check import check_binary
+from aug3d_core.poses.colmap_check import check_binary
+from aug3d_core.run.errors import InputError
 
 FILES = ("cameras", "images", "points3D", "rigs", "frames")
 

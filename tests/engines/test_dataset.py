@@ -9,22 +9,29 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
-from toy_scene import EXTENT_M, ROOF_M, toy_scene
 
+from aug3d_core.dataset.batches import check_groups, draw
 from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import REAL as REAL_SOURCE
 from aug3d_core.dataset.scene import RENDERED, SPLITS
 from aug3d_core.dataset.stage import run
-from aug3d_core.errors import InputError
+from aug3d_core.domes.files import CAMERAS
+from aug3d_core.factory.stages import DATASET_OF_PHOTOS
 from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.nerf.batch import check_groups, draw
-from aug3d_core.nerf.config import TrainingConfig
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.photos.files import image_name
 from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
 from aug3d_core.rendering.stage import run as render_views
-from aug3d_core.stages import DATASET_OF_PHOTOS
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.surface.files import BASELINE_RENDERS, MESH, MESH_SOURCES
+from tests.toy_scene import EXTENT_M, ROOF_M, toy_scene
 
 WIDTH, HEIGHT, REAL = 24, 16, 36
 CONFIG = DatasetConfig(width_px=WIDTH, height_px=HEIGHT)
@@ -55,59 +62,59 @@ def inputs(scene, tmp_path):
 def write_sfm(scene, folder: Path) -> None:
     poses, size = invert(scene.world_from_cam[:REAL, :3]), np.tile([WIDTH, HEIGHT], (REAL, 1))
     views = Views(np.arange(REAL), poses, scene.intrinsics[:REAL], size)
-    views.save(folder / layout.VIEWS)
+    views.save(folder / VIEWS)
     rng = np.random.default_rng(0)
     xyz = np.column_stack(
         [rng.uniform(-EXTENT_M, EXTENT_M, (500, 2)), rng.uniform(0, ROOF_M, 500) * (rng.random(500) < 0.3)]
     )
-    Points(xyz, np.zeros((500, 3), np.uint8), np.zeros(500)).save(folder / layout.POINTS)
+    Points(xyz, np.zeros((500, 3), np.uint8), np.zeros(500)).save(folder / POINTS)
     point, view = (grid.ravel() for grid in np.meshgrid(np.arange(500), np.arange(REAL)))
     ahead = np.array([apply(poses[v], xyz[p : p + 1])[0, 2] > 0 for p, v in zip(point, view, strict=True)])
-    Tracks(point[ahead], view[ahead], np.zeros((ahead.sum(), 2))).save(folder / layout.TRACKS)
-    (folder / layout.VIEW_IMAGES).mkdir()
+    Tracks(point[ahead], view[ahead], np.zeros((ahead.sum(), 2))).save(folder / TRACKS)
+    (folder / VIEW_IMAGES).mkdir()
     for i in range(REAL):
-        Image.fromarray(scene.images[i]).save(folder / layout.VIEW_IMAGES / layout.image_name(i))
+        Image.fromarray(scene.images[i]).save(folder / VIEW_IMAGES / image_name(i))
 
 
 def write_grouping(scene, folder: Path) -> None:
     roles = [SPLITS[code] for code in scene.splits[:REAL]]
     table = pd.DataFrame({"view": np.arange(REAL), "photo_id": np.arange(REAL), "role": roles})
-    table.to_parquet(folder / layout.SPLIT_TABLE)
-    np.savez(folder / layout.GROUPS, members=scene.groups["real"], test_members=scene.groups["test"])
+    table.to_parquet(folder / SPLIT_TABLE)
+    np.savez(folder / GROUPS, members=scene.groups["real"], test_members=scene.groups["test"])
 
 
 def write_surface(scene, folder: Path) -> None:
-    (folder / layout.MESH).write_text("no stage after rendering looks into it")
+    (folder / MESH).write_text("no stage after rendering looks into it")
     role = np.array([SPLITS[code] for code in scene.splits[:REAL]])
     train, given = np.flatnonzero(role == "train").tolist(), np.flatnonzero(role != "target").tolist()
-    (folder / layout.MESH_SOURCES).write_text(json.dumps({"mesh": train, "baseline": given}))
-    (folder / layout.BASELINE_RENDERS).mkdir()
+    (folder / MESH_SOURCES).write_text(json.dumps({"mesh": train, "baseline": given}))
+    (folder / BASELINE_RENDERS).mkdir()
     for view, rgb, alpha in zip(scene.baseline_view, scene.baseline_images, scene.baseline_alpha, strict=True):
         image = Image.fromarray(np.dstack([rgb, alpha]))
-        image.save(folder / layout.BASELINE_RENDERS / layout.image_name(int(view)))
+        image.save(folder / BASELINE_RENDERS / image_name(int(view)))
 
 
 def write_renders(scene, sampling: Path, rendering: Path) -> None:
     rows = np.flatnonzero(scene.source == RENDERED)
     ids = np.arange(len(rows))
     np.savez(
-        sampling / layout.CAMERAS,
+        sampling / CAMERAS,
         view_id=ids,
         dome_id=scene.dome_id[rows],
         world_from_cam=homogeneous(scene.world_from_cam[rows, :3]),
         intrinsics=scene.intrinsics[rows],
         size=np.tile([WIDTH, HEIGHT], (len(rows), 1)),
     )
-    (rendering / layout.SHARDS).mkdir()
+    (rendering / SHARDS).mkdir()
     arrays = {"view_id": ids, "rgb": scene.images[rows], "alpha": scene.alpha[rows], "depth": scene.depth[rows]}
-    np.savez(rendering / layout.SHARDS / layout.shard_name(0), **arrays)
+    np.savez(rendering / SHARDS / shard_name(0), **arrays)
     table = pd.DataFrame({"view_id": ids, "dome_id": scene.dome_id[rows], "shard": 0, "row": ids, "kept": True})
-    table.to_parquet(rendering / layout.RENDER_TABLE)
+    table.to_parquet(rendering / RENDER_TABLE)
 
 
 def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
     outcome = run(inputs, CONFIG, tmp_path / "out", silent)
-    packed = read(tmp_path / "out" / layout.SCENE_ZARR)
+    packed = read(tmp_path / "out" / SCENE_ZARR)
     for name in ("images", "alpha", "depth", "source", "photo_id", "dome_id", "splits", "baseline_images"):
         assert np.array_equal(getattr(packed, name), getattr(scene, name)), name
     assert np.allclose(packed.world_from_cam, scene.world_from_cam)
@@ -117,7 +124,7 @@ def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
     assert outcome.metrics["real"] == REAL
     assert outcome.metrics["rendered"] == len(scene) - REAL
     told = packed.attributes["leak_audit"]
-    assert told == json.loads((tmp_path / "out" / layout.LEAK_AUDIT).read_text())
+    assert told == json.loads((tmp_path / "out" / LEAK_AUDIT).read_text())
     assert outcome.metrics["leak_audit"] == told["state"] == "doubtful", "every photo of the toy sees every point"
     assert any("share of a target's points that training sees" in note for note in outcome.notes)
     assert outcome.metrics["leak_seen_share_max"] == 1
@@ -126,7 +133,7 @@ def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
 
 def test_the_slab_and_bounds_hold_the_scene(scene, inputs, tmp_path):
     run(inputs, CONFIG, tmp_path / "out", silent)
-    packed = read(tmp_path / "out" / layout.SCENE_ZARR)
+    packed = read(tmp_path / "out" / SCENE_ZARR)
     assert packed.slab.low < 0
     assert ROOF_M * 0.95 < packed.slab.high < ROOF_M * 1.3
     rendered = packed.source == RENDERED
@@ -144,8 +151,8 @@ def test_packing_repeats_to_the_byte(inputs, tmp_path):
 
 
 def test_without_a_whole_dome_the_set_is_degraded_and_says_so(inputs, tmp_path):
-    table = pd.read_parquet(inputs["rendering"] / layout.RENDER_TABLE)
-    table.assign(kept=False).to_parquet(inputs["rendering"] / layout.RENDER_TABLE)
+    table = pd.read_parquet(inputs["rendering"] / RENDER_TABLE)
+    table.assign(kept=False).to_parquet(inputs["rendering"] / RENDER_TABLE)
     outcome = run(inputs, CONFIG, tmp_path / "out", silent)
     assert outcome.state == "degraded"
     assert outcome.metrics["rendered"] == 0
@@ -155,9 +162,9 @@ def test_without_a_whole_dome_the_set_is_degraded_and_says_so(inputs, tmp_path):
 
 def test_without_virtual_views_the_set_is_of_photographs_alone_and_fine(inputs, tmp_path):
     """What rendering itself writes of an empty plan is what is packed."""
-    with np.load(inputs["sampling"] / layout.CAMERAS) as file:
+    with np.load(inputs["sampling"] / CAMERAS) as file:
         nothing = {name: file[name][:0] for name in file}
-    np.savez(inputs["sampling"] / layout.CAMERAS, **nothing)
+    np.savez(inputs["sampling"] / CAMERAS, **nothing)
     shutil.rmtree(inputs["rendering"])
     inputs["rendering"].mkdir()
     render_views(inputs, RenderingConfig(), inputs["rendering"], silent)
@@ -169,7 +176,7 @@ def test_without_virtual_views_the_set_is_of_photographs_alone_and_fine(inputs, 
         0,
         0,
     )
-    packed = read(tmp_path / "out" / layout.SCENE_ZARR)
+    packed = read(tmp_path / "out" / SCENE_ZARR)
     assert len(packed) == REAL
     assert packed.groups["rendered"].shape == (0, packed.groups["real"].shape[1])
     check_groups(packed, TrainingConfig())
@@ -181,22 +188,22 @@ def test_a_leak_stops_the_stage_and_names_the_view(scene, inputs, tmp_path):
     target = int(scene.groups["test"][0, 0])
     members = scene.groups["real"].copy()
     members[0, 1] = target
-    np.savez(inputs["grouping"] / layout.GROUPS, members=members, test_members=scene.groups["test"])
+    np.savez(inputs["grouping"] / GROUPS, members=members, test_members=scene.groups["test"])
     with pytest.raises(InputError, match=f"holds target view {target}"):
         run(inputs, CONFIG, tmp_path / "out", silent)
-    assert not (tmp_path / "out" / layout.SCENE_ZARR).exists()
+    assert not (tmp_path / "out" / SCENE_ZARR).exists()
 
 
 def test_a_split_of_other_views_is_refused(inputs, tmp_path):
-    table = pd.read_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
-    table.iloc[:-1].to_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
+    table = pd.read_parquet(inputs["grouping"] / SPLIT_TABLE)
+    table.iloc[:-1].to_parquet(inputs["grouping"] / SPLIT_TABLE)
     with pytest.raises(InputError, match=r"split\.parquet has 35 rows for 36 views"):
         run(inputs, CONFIG, tmp_path / "out", silent)
 
 
 def test_a_mesh_made_of_a_test_photo_is_refused(scene, inputs, tmp_path):
     target = int(scene.baseline_view[0])
-    (inputs["surface"] / layout.MESH_SOURCES).write_text(json.dumps({"mesh": [target], "baseline": []}))
+    (inputs["surface"] / MESH_SOURCES).write_text(json.dumps({"mesh": [target], "baseline": []}))
     with pytest.raises(InputError, match=f"the data set leaks.*target photo {target}"):
         run(inputs, CONFIG, tmp_path / "out", silent)
 
@@ -206,7 +213,7 @@ def test_photographs_alone_are_packed_the_same_without_renders(inputs, tmp_path)
     run(inputs, CONFIG, tmp_path / "out", silent)
     alone = {name: inputs[name] for name in DATASET_OF_PHOTOS.inputs}
     outcome = run(alone, CONFIG, tmp_path / "alone", silent)
-    both, photos = (read(tmp_path / name / layout.SCENE_ZARR) for name in ("out", "alone"))
+    both, photos = (read(tmp_path / name / SCENE_ZARR) for name in ("out", "alone"))
     assert len(photos) == REAL and np.array_equal(photos.images, both.images[:REAL])
     assert np.array_equal(photos.groups["test"], both.groups["test"]) and not photos.groups["rendered"].size
     assert outcome.metrics["rendered"] == 0 and not any("photographs alone" in note for note in outcome.notes)

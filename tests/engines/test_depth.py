@@ -9,24 +9,36 @@ import pandas as pd
 import psutil
 import pycolmap
 import pytest
-from engines.little_scene import FOCAL_PX, SIZE, LittleScene, poses
 from PIL import Image
 
 from aug3d_core.depth import fusion
 from aug3d_core.depth import stage as depth_stage
 from aug3d_core.depth.cameras import Camera, camera_of
 from aug3d_core.depth.config import DepthConfig
+from aug3d_core.depth.files import (
+    BASELINE_FUSED,
+    DENSE_WORKSPACE,
+    DEPTH_MAPS,
+    FUSED,
+    NORMAL_MAPS,
+    WORKSPACE_DEPTH_MAPS,
+    WORKSPACE_NORMAL_MAPS,
+    geometric_map_name,
+)
 from aug3d_core.depth.job import DepthJob
 from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.maps import read_map
 from aug3d_core.depth.stage import run
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.stage import Inputs, Outcome
-from aug3d_core.store import layout
-from aug3d_core.worker import WorkerDied
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.helper_process import WorkerDied
+from aug3d_core.run.stage import Inputs, Outcome
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
+from tests.engines.little_scene import FOCAL_PX, SIZE, LittleScene, poses
 
 ROLES = ["train"] * 8 + ["gap", "support", "support", "target"]
 MAP_PX = 240
@@ -75,13 +87,13 @@ def sparse(views: Views) -> tuple[Points, Tracks]:
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
     sfm, grouping = tmp_path_factory.mktemp("sfm"), tmp_path_factory.mktemp("grouping")
-    (sfm / layout.VIEW_IMAGES).mkdir()
+    (sfm / VIEW_IMAGES).mkdir()
     views = true_views()
     for index, pose in enumerate(views.cam_from_world):
-        SCENE.photograph(pose).save(sfm / layout.VIEW_IMAGES / layout.image_name(index))
+        SCENE.photograph(pose).save(sfm / VIEW_IMAGES / image_name(index))
     points, tracks = sparse(views)
-    views.save(sfm / layout.VIEWS), points.save(sfm / layout.POINTS), tracks.save(sfm / layout.TRACKS)
-    pd.DataFrame({"view": range(12), "photo_id": range(12), "role": ROLES}).to_parquet(grouping / layout.SPLIT_TABLE)
+    views.save(sfm / VIEWS), points.save(sfm / POINTS), tracks.save(sfm / TRACKS)
+    pd.DataFrame({"view": range(12), "photo_id": range(12), "role": ROLES}).to_parquet(grouping / SPLIT_TABLE)
     return {"sfm": sfm, "grouping": grouping}
 
 
@@ -103,7 +115,7 @@ def changed(inputs: Inputs, tmp_path: Path) -> Callable[[str], Inputs]:
         sfm = tmp_path / "sfm"
         shutil.copytree(inputs["sfm"], sfm)
         for index in np.flatnonzero(np.array(ROLES) == role).tolist():
-            Image.new("RGB", SIZE).save(sfm / layout.VIEW_IMAGES / layout.image_name(index))
+            Image.new("RGB", SIZE).save(sfm / VIEW_IMAGES / image_name(index))
         return {"sfm": sfm, "grouping": inputs["grouping"]}
 
     return black_out
@@ -117,7 +129,7 @@ def test_depth_is_exact_to_a_fraction_of_a_plane(found: tuple[Path, Outcome]) ->
     out, _ = found
     views = true_views()
     for index in (1, 5):
-        depth = read_map(out / layout.DEPTH_MAPS / layout.geometric_map_name(index))
+        depth = read_map(out / DEPTH_MAPS / geometric_map_name(index))
         camera = camera_of(views, index, np.array(depth.shape[::-1]))
         error = np.abs(depth / true_depth(camera) - 1)[depth > 0]
         assert (depth > 0).mean() > 0.75
@@ -127,7 +139,7 @@ def test_depth_is_exact_to_a_fraction_of_a_plane(found: tuple[Path, Outcome]) ->
 
 def test_normals_point_up_and_towards_the_camera(found: tuple[Path, Outcome]) -> None:
     out, _ = found
-    normal = read_map(out / layout.NORMAL_MAPS / layout.geometric_map_name(5))
+    normal = read_map(out / NORMAL_MAPS / geometric_map_name(5))
     known = normal.any(axis=-1)
     np.testing.assert_allclose(np.linalg.norm(normal[known], axis=-1), 1, atol=1e-5)
     camera = camera_of(true_views(), 5, np.array(known.shape[::-1]))
@@ -138,7 +150,7 @@ def test_normals_point_up_and_towards_the_camera(found: tuple[Path, Outcome]) ->
 
 def test_fused_points_lie_on_the_scene_and_face_up(found: tuple[Path, Outcome]) -> None:
     out, outcome = found
-    fused, baseline = Fused.load(out / layout.FUSED), Fused.load(out / layout.BASELINE_FUSED)
+    fused, baseline = Fused.load(out / FUSED), Fused.load(out / BASELINE_FUSED)
     assert outcome.metrics["points"] == len(fused.xyz) < len(baseline.xyz) == outcome.metrics["baseline_points"]
     off = np.abs(fused.xyz[:, 2, None] - np.array([z for z, _, _ in SCENE.planes])).min(axis=1)
     assert np.median(off) < 0.1
@@ -165,11 +177,11 @@ def test_fusion_takes_no_more_than_a_share_of_the_memory(tmp_path: Path, monkeyp
 
 def test_colmap_reads_the_workspace(found: tuple[Path, Outcome]) -> None:
     out, _ = found
-    model = pycolmap.Reconstruction(out / layout.DENSE_WORKSPACE / "sparse")
+    model = pycolmap.Reconstruction(out / DENSE_WORKSPACE / "sparse")
     assert model.num_images() == 11
     assert model.compute_mean_reprojection_error() < 1e-6, "pixels, cameras and poses fit the points"
     for image in model.images.values():
-        path = out / layout.DEPTH_MAPS / f"{image.name}.geometric.bin"
+        path = out / DEPTH_MAPS / f"{image.name}.geometric.bin"
         camera = model.camera(image.camera_id)
         assert read_map(path).shape == (camera.height, camera.width)
 
@@ -184,10 +196,10 @@ def test_train_points_come_from_train_photos_alone(
 ) -> None:
     find_depth(changed("support"), tmp_path / "out")
     before, after = files(found[0]), files(tmp_path / "out")
-    assert after[layout.FUSED] == before[layout.FUSED]
-    assert after[layout.BASELINE_FUSED] != before[layout.BASELINE_FUSED]
+    assert after[FUSED] == before[FUSED]
+    assert after[BASELINE_FUSED] != before[BASELINE_FUSED]
     for index in range(8):
-        name = f"{layout.DEPTH_MAPS}/{layout.geometric_map_name(index)}"
+        name = f"{DEPTH_MAPS}/{geometric_map_name(index)}"
         assert after[name] == before[name]
 
 
@@ -228,9 +240,9 @@ def test_the_engine_is_chosen_by_what_pycolmap_can_do(monkeypatch: pytest.Monkey
 def shared_by(inputs: Inputs, sfm: Path, kept: Callable[[Tracks], np.ndarray]) -> Inputs:
     """Return the inputs with only some of the observations."""
     shutil.copytree(inputs["sfm"], sfm)
-    tracks = Tracks.load(sfm / layout.TRACKS)
+    tracks = Tracks.load(sfm / TRACKS)
     chosen = kept(tracks)
-    Tracks(tracks.point[chosen], tracks.view[chosen], tracks.xy[chosen]).save(sfm / layout.TRACKS)
+    Tracks(tracks.point[chosen], tracks.view[chosen], tracks.xy[chosen]).save(sfm / TRACKS)
     return {"sfm": sfm, "grouping": inputs["grouping"]}
 
 
@@ -239,7 +251,7 @@ def test_a_photo_that_overlaps_with_none_has_no_depth_and_is_told(inputs: Inputs
     outcome = find_depth(lonely, tmp_path / "out", max_px=96)
     assert outcome.state == "degraded"
     assert "1 photos share too few points with any other and have no depth: 3" in outcome.notes
-    assert not (tmp_path / "out" / layout.DEPTH_MAPS / layout.geometric_map_name(3)).exists()
+    assert not (tmp_path / "out" / DEPTH_MAPS / geometric_map_name(3)).exists()
     assert outcome.metrics["photos"] == 10
 
 
@@ -267,22 +279,20 @@ def test_patch_match_gets_what_the_workspace_holds_and_its_maps_are_fused(
         held = {image.name for image in pycolmap.Reconstruction(workspace / "sparse").images.values()}
         lines = (workspace / "stereo/patch-match.cfg").read_text().splitlines()
         sources = {name: set(listed.split(", ")) for name, listed in zip(lines[::2], lines[1::2], strict=True)}
-        assert sources.keys() == held == {layout.image_name(index) for index in range(11) if index != 3}
+        assert sources.keys() == held == {image_name(index) for index in range(11) if index != 3}
         assert set().union(*sources.values()) <= held
-        train = {layout.image_name(index) for index in range(8)}
+        train = {image_name(index) for index in range(8)}
         assert all(sources[name] <= train for name in train & held)
-        for folder in (layout.WORKSPACE_DEPTH_MAPS, layout.WORKSPACE_NORMAL_MAPS):
+        for folder in (WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS):
             for index in set(range(11)) - {3}:
-                name = layout.geometric_map_name(index)
-                shutil.copy(found[0] / layout.DENSE_WORKSPACE / folder / name, workspace / folder)
+                name = geometric_map_name(index)
+                shutil.copy(found[0] / DENSE_WORKSPACE / folder / name, workspace / folder)
 
     cuda(monkeypatch, devices=1)
     monkeypatch.setattr(depth_stage, "patch_match", stand_in)
     outcome = find_depth(aside, tmp_path / "out", sources=10)
     assert (outcome.metrics["engine"], outcome.metrics["photos"]) == ("patch_match", 10)
-    off = np.abs(Fused.load(tmp_path / "out" / layout.FUSED).xyz[:, 2, None] - [z for z, _, _ in SCENE.planes]).min(
-        axis=1
-    )
+    off = np.abs(Fused.load(tmp_path / "out" / FUSED).xyz[:, 2, None] - [z for z, _, _ in SCENE.planes]).min(axis=1)
     assert np.median(off) < 0.1
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from aug3d_core.bench.edge_cases import Tried, draw_cases, try_case
 from aug3d_core.bench.grouping import MOST_BAD
-from aug3d_core.grouping.methods import METHODS
-from aug3d_core.testbed.edge_cases import edge_cases
+from aug3d_core.groups.methods import METHODS
+from aug3d_core.studies.common.edge_case_trial import Tried, draw_cases, try_case
+from aug3d_core.town.truth.edge_cases import edge_cases
 
 FAILING = 0.2
 

@@ -4,10 +4,10 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from aug3d_core.errors import InputError
-from aug3d_core.nerf import encoder_weights
-from aug3d_core.nerf.encoder_weights import start_trunk
-from aug3d_core.nerf.resnet import ResNet34
+from aug3d_core.heads.pixelnerf import encoder_weights
+from aug3d_core.heads.pixelnerf.encoder_weights import start_trunk
+from aug3d_core.heads.pixelnerf.resnet import ResNet34
+from aug3d_core.run.errors import InputError
 
 
 @pytest.fixture(scope="module")

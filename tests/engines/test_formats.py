@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
 
-from aug3d_core.formats.cameras import world_from_gl
-from aug3d_core.formats.export import export
+from aug3d_core.export.folder_formats import export
+from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, homogeneous, project
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.stage import run as take_in
+from tests.engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
 
 pytestmark = pytest.mark.slow
 

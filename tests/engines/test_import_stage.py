@@ -9,12 +9,12 @@ import pandas as pd
 import pycolmap
 import pytest
 
-from aug3d_core.errors import InputError
-from aug3d_core.formats.cameras import Camera
-from aug3d_core.formats.given import Given
+from aug3d_core.geometry.camera_models import Camera
+from aug3d_core.photos.files import image_name
+from aug3d_core.poses.files import Given
+from aug3d_core.run.errors import InputError
 from aug3d_core.sfm import export
 from aug3d_core.sfm.import_stage import Check, agreeing
-from aug3d_core.store import layout
 
 CAMERA = Camera("PINHOLE", 400, 300, (350.0, 350.0, 200.0, 150.0))
 GIVEN = [Given(i, np.eye(3, 4), CAMERA, CAMERA, i) for i in range(10)]
@@ -35,7 +35,7 @@ def told(*rounds: dict[int, float], pointless: int | None = None) -> Check:
             pycolmap.Camera(camera_id=1, model="PINHOLE", width=4, height=3, params=[4, 4, 2, 1.5])
         )
         for one in given:
-            image = pycolmap.Image(layout.image_name(one.photo_id), camera_id=1, image_id=one.photo_id + 1)
+            image = pycolmap.Image(image_name(one.photo_id), camera_id=1, image_id=one.photo_id + 1)
             model.add_image_with_trivial_frame(image, pycolmap.Rigid3d())
         if len(rounds) - len(left) != pointless:
             model.add_point3D(np.ones(3), pycolmap.Track())

@@ -15,11 +15,13 @@ import numpy as np
 import pandas as pd
 import pycolmap
 import pytest
-from engines.little_scene import FOCAL_PX, poses, write_flight
-from engines.sfm_runs import run_stage, take_photos
 from PIL import Image
 
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.files import EARLIER
+from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
+from tests.engines.little_scene import FOCAL_PX, poses, write_flight
+from tests.engines.sfm_runs import run_stage, take_photos
 
 pytestmark = pytest.mark.slow
 
@@ -30,10 +32,10 @@ def run_matching(
     """Run the stage with earlier outputs, newest first; return its outcome."""
     inputs = {"photos": photos}
     if earlier is not None:
-        inputs[layout.EARLIER] = folder.with_name(f"{folder.name}_earlier")
-        inputs[layout.EARLIER].mkdir()
+        inputs[EARLIER] = folder.with_name(f"{folder.name}_earlier")
+        inputs[EARLIER].mkdir()
         for age, files in enumerate(earlier):
-            (inputs[layout.EARLIER] / f"{age:02d}").symlink_to(files)
+            (inputs[EARLIER] / f"{age:02d}").symlink_to(files)
     return run_stage("matching", folder, inputs, cpus, **config)
 
 
@@ -43,8 +45,8 @@ def files_of(folder: Path) -> Path:
 
 def assert_same_files(first: Path, second: Path) -> None:
     names = sorted(path.name for path in first.iterdir())
-    assert names == sorted(path.name for path in second.iterdir()) == [layout.FEATURES, layout.MATCHING_TABLE]
-    assert differing_rows(first / layout.FEATURES, second / layout.FEATURES) == []
+    assert names == sorted(path.name for path in second.iterdir()) == [FEATURES, MATCHING_TABLE]
+    assert differing_rows(first / FEATURES, second / FEATURES) == []
     for name in names:
         assert cmp(first / name, second / name, shallow=False), name
 
@@ -66,7 +68,7 @@ def differing_rows(first: Path, second: Path) -> list[tuple[str, Any]]:
 
 def min_scale_px(files: Path, scratch: Path) -> float:
     """Return the scale of the smallest feature, in pixels."""
-    copied = shutil.copy(files / layout.FEATURES, scratch)  # to open it is to write to it
+    copied = shutil.copy(files / FEATURES, scratch)  # to open it is to write to it
     with pycolmap.Database.open(copied) as database:
         shapes = np.concatenate([database.read_keypoints(image.image_id) for image in database.read_all_images()])[
             :, 2:
@@ -92,7 +94,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
 
 def test_metrics_and_table_agree(flown: tuple[Path, dict[str, Any]]) -> None:
     folder, outcome = flown
-    metrics, table = outcome["metrics"], pd.read_parquet(files_of(folder / "all") / layout.MATCHING_TABLE)
+    metrics, table = outcome["metrics"], pd.read_parquet(files_of(folder / "all") / MATCHING_TABLE)
     assert (metrics["photos"], metrics["pairs_possible"], metrics["pairs_tried"]) == (12, 66, 66)
     assert metrics["pairs_by"] == "exhaustive"
     assert table["matched_pairs"].sum() == 2 * metrics["pairs_matched"] > 40
@@ -123,11 +125,11 @@ def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]
     few = take_photos(copy_some(flown[0], tmp_path / "in_few", [0, 1, 2]), tmp_path / "few_photos")
     run_matching(few, tmp_path / "few")
     earlier = [files_of(tmp_path / "few"), files_of(tmp_path / "fewer")]
-    as_stored = [(files / layout.FEATURES).read_bytes() for files in earlier]
+    as_stored = [(files / FEATURES).read_bytes() for files in earlier]
     grown = run_matching(flown[0] / "photos", tmp_path / "grown", earlier)["metrics"]
     assert (grown["photos_reused"], grown["pairs_reused"], grown["pairs_tried"]) == (10, 45, 66)
     assert_same_files(files_of(flown[0] / "all"), files_of(tmp_path / "grown"))
-    assert [(files / layout.FEATURES).read_bytes() for files in earlier] == as_stored
+    assert [(files / FEATURES).read_bytes() for files in earlier] == as_stored
 
 
 def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
@@ -170,10 +172,10 @@ def test_each_camera_is_a_camera(flown: tuple[Path, dict[str, Any]], tmp_path: P
         image.save(file, quality=95, exif=Image.Exif() if change == "bare" else exif)
     photos = take_photos(tmp_path / "in", tmp_path / "photos")
     run_matching(photos, tmp_path / "out")
-    with pycolmap.Database.open(files_of(tmp_path / "out") / layout.FEATURES) as database:
+    with pycolmap.Database.open(files_of(tmp_path / "out") / FEATURES) as database:
         cameras = {camera.camera_id: camera for camera in database.read_all_cameras()}
         camera_of = {image.name: cameras[image.camera_id] for image in database.read_all_images()}
-    by_photo = [camera_of[layout.image_name(i)] for i in range(6)]
+    by_photo = [camera_of[image_name(i)] for i in range(6)]
     assert [camera.camera_id for camera in by_photo[:5]] == [by_photo[0].camera_id, by_photo[1].camera_id] * 2 + [
         by_photo[4].camera_id
     ]
@@ -187,7 +189,7 @@ def test_pairs_are_those_that_look_alike(flown: tuple[Path, dict[str, Any]], tmp
     metrics = run_matching(flown[0] / "photos", tmp_path / "out", pairs="coarse", neighbours=3)["metrics"]
     assert metrics["pairs_by"] == "coarse"
     assert metrics["pairs_ranked"] == 66 > metrics["pairs_tried"]
-    table = pd.read_parquet(files_of(tmp_path / "out") / layout.MATCHING_TABLE)
+    table = pd.read_parquet(files_of(tmp_path / "out") / MATCHING_TABLE)
     assert table["matched_pairs"].min() >= 3
 
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import torch
 
-from aug3d_core.errors import InputError
-from aug3d_core.formats.given import Entry
-from aug3d_core.formats.mega_nerf import read_mega_nerf
-from aug3d_core.formats.recognise import recognise
 from aug3d_core.geometry.transforms import centres, forward
+from aug3d_core.poses.entry import Entry
+from aug3d_core.poses.mega_nerf import read_mega_nerf
+from aug3d_core.poses.recognise import recognise
+from aug3d_core.run.errors import InputError
 
 pytestmark = pytest.mark.slow
 

@@ -12,10 +12,14 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.store import layout
-from aug3d_core.testbed.config import MeshTruthConfig
-from aug3d_core.testbed.mesh_errors import MeshErrors, compare_meshes
-from aug3d_core.testbed.mesh_truth_stage import run
+from aug3d_core.photos.files import image_name
+from aug3d_core.sfm.files import VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS
+from aug3d_core.town.config import MeshTruthConfig
+from aug3d_core.town.files import TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.truth.mesh_errors import MeshErrors, compare_meshes
+from aug3d_core.town.truth.mesh_truth_stage import run
 
 SIDE = 100.0
 
@@ -90,21 +94,21 @@ def test_nothing_at_all_scores_nothing():
 
 def write_inputs(folder: Path, found: Views, baseline: Mesh) -> dict[str, Path]:
     inputs = {name: folder / name for name in ("town", "sfm", "grouping", "surface")}
-    for path in (inputs["town"] / layout.TOWN_TRUTH, inputs["sfm"] / layout.VIEW_IMAGES, inputs["grouping"]):
+    for path in (inputs["town"] / TOWN_TRUTH, inputs["sfm"] / VIEW_IMAGES, inputs["grouping"]):
         path.mkdir(parents=True)
-    (inputs["surface"] / layout.BASELINE_RENDERS).mkdir(parents=True)
-    cameras().save(inputs["town"] / layout.TRUTH_POSES)
-    TRUE.save(inputs["town"] / layout.TRUTH_MESH)
-    found.save(inputs["sfm"] / layout.VIEWS)
+    (inputs["surface"] / BASELINE_RENDERS).mkdir(parents=True)
+    cameras().save(inputs["town"] / TRUTH_POSES)
+    TRUE.save(inputs["town"] / TRUTH_MESH)
+    found.save(inputs["sfm"] / VIEWS)
     role = ["target" if i == 4 else "train" for i in range(len(found))]
     table = {"view": range(len(found)), "photo_id": found.photo_id, "role": role}
-    pd.DataFrame(table).to_parquet(inputs["grouping"] / layout.SPLIT_TABLE)
-    baseline.save(inputs["surface"] / layout.BASELINE_MESH)
-    name = layout.image_name(4)
-    Image.new("RGB", (100, 100), (100, 100, 100)).save(inputs["sfm"] / layout.VIEW_IMAGES / name)
+    pd.DataFrame(table).to_parquet(inputs["grouping"] / SPLIT_TABLE)
+    baseline.save(inputs["surface"] / BASELINE_MESH)
+    name = image_name(4)
+    Image.new("RGB", (100, 100), (100, 100, 100)).save(inputs["sfm"] / VIEW_IMAGES / name)
     render = Image.new("RGBA", (100, 100), (100, 100, 100 + 51, 255))  # a fifth too blue: 10 log10(3 * 25) dB
     render.paste((0, 0, 0, 0), (0, 0, 100, 25))
-    render.save(inputs["surface"] / layout.BASELINE_RENDERS / name)
+    render.save(inputs["surface"] / BASELINE_RENDERS / name)
     return inputs
 
 

@@ -5,23 +5,24 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from engines.toy_training import CONFIG, silent
 
-from aug3d_core.errors import InputError
-from aug3d_core.nerf import evaluation_stage
-from aug3d_core.nerf.checkpoint import load_model, save_model
-from aug3d_core.nerf.config import EvaluationConfig
-from aug3d_core.nerf.evaluation import psnr, ssim
-from aug3d_core.nerf.model import PixelNeRF
-from aug3d_core.nerf.summary import CHEAP
-from aug3d_core.store import layout
+from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.judging import stage as evaluation_stage
+from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.judging.scores import psnr, ssim
+from aug3d_core.judging.summary import CHEAP
+from aug3d_core.run.errors import InputError
+from aug3d_core.training.checkpoint import load_model, save_model
+from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
+from tests.engines.toy_training import CONFIG, silent
 
 JUDGE = EvaluationConfig(resamples=100, panels=2)
 
 
 def test_evaluation_scores_every_test_view_beside_the_cheap_answers(scene, dataset, trained, tmp_path):
     outcome = evaluation_stage.run({"dataset": dataset, "training": trained[0]}, JUDGE, tmp_path, silent)
-    table = pd.read_parquet(tmp_path / layout.TEST_VIEWS)
+    table = pd.read_parquet(tmp_path / TEST_VIEWS)
     assert table["photo_id"].tolist() == scene.photo_id[scene.groups["test"][:, 0]].tolist()
     figures = outcome.metrics
     assert figures["test_psnr_mean"] == pytest.approx(table["psnr"].mean(), abs=1e-3)
@@ -58,7 +59,7 @@ def test_a_model_comes_back_as_it_was(tmp_path):
 def test_weights_of_another_network_are_refused(tmp_path):
     save_model(PixelNeRF(CONFIG), tmp_path)
     other = {"config": CONFIG.model_copy(update={"hidden": 32}).model_dump(mode="json")}
-    (tmp_path / layout.MODEL_CONFIG).write_text(json.dumps(other))
+    (tmp_path / MODEL_CONFIG).write_text(json.dumps(other))
     with pytest.raises(InputError, match="another network"):
         load_model(tmp_path)
 
@@ -67,12 +68,12 @@ def test_a_model_from_before_a_difference_had_a_name_is_refused(tmp_path):
     """Filled in by a default, it would be another network that predicts nonsense."""
     save_model(PixelNeRF(CONFIG), tmp_path)
     told = {"config": CONFIG.model_dump(mode="json", exclude={"even_exposure"})}
-    (tmp_path / layout.MODEL_CONFIG).write_text(json.dumps(told))
+    (tmp_path / MODEL_CONFIG).write_text(json.dumps(told))
     with pytest.raises(InputError, match=r"before there was even_exposure.*\n.*train"):
         load_model(tmp_path)
 
 
-@pytest.mark.parametrize("name", [layout.MODEL_WEIGHTS, layout.MODEL_CONFIG])
+@pytest.mark.parametrize("name", [MODEL_WEIGHTS, MODEL_CONFIG])
 def test_a_truncated_model_is_refused(tmp_path, name):
     save_model(PixelNeRF(CONFIG), tmp_path)
     (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:100])
@@ -80,7 +81,7 @@ def test_a_truncated_model_is_refused(tmp_path, name):
         load_model(tmp_path)
 
 
-@pytest.mark.parametrize("name", [layout.MODEL_WEIGHTS, layout.MODEL_CONFIG])
+@pytest.mark.parametrize("name", [MODEL_WEIGHTS, MODEL_CONFIG])
 def test_a_missing_model_is_refused(tmp_path, name):
     save_model(PixelNeRF(CONFIG), tmp_path)
     (tmp_path / name).unlink()

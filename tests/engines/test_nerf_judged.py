@@ -8,17 +8,18 @@ import pytest
 from PIL import Image
 from skimage.metrics import structural_similarity
 
+from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.writer import write
-from aug3d_core.errors import InputError
-from aug3d_core.nerf import evaluation_stage
-from aug3d_core.nerf.checkpoint import save_model
-from aug3d_core.nerf.config import EvaluationConfig, TrainingConfig
-from aug3d_core.nerf.conventions import conventions, digest, held_out_digest
-from aug3d_core.nerf.evaluation import check_test_groups, ssim
-from aug3d_core.nerf.flythrough import around
-from aug3d_core.nerf.model import PixelNeRF
-from aug3d_core.nerf.novel import middle_ground, only, with_views
-from aug3d_core.store import layout
+from aug3d_core.heads.pixelnerf.config import EvaluationConfig, TrainingConfig
+from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.judging import stage as evaluation_stage
+from aug3d_core.judging.conventions import conventions, digest, held_out_digest
+from aug3d_core.judging.files import CONVENTIONS, FLYTHROUGH
+from aug3d_core.judging.flythrough import around
+from aug3d_core.judging.scores import check_test_groups, ssim
+from aug3d_core.novel.views import middle_ground, only, with_views
+from aug3d_core.run.errors import InputError
+from aug3d_core.training.checkpoint import save_model
 
 CONFIG = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
@@ -27,7 +28,7 @@ JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
 @pytest.fixture(scope="module")
 def judged(scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("judged")
-    write(scene, folder / layout.SCENE_ZARR, shard_views=64)
+    write(scene, folder / SCENE_ZARR, shard_views=64)
     save_model(PixelNeRF(CONFIG), folder)
     inputs = {"dataset": folder, "training": folder}
     return folder, evaluation_stage.run(inputs, JUDGE, folder, lambda done, total, what: None)
@@ -35,8 +36,8 @@ def judged(scene, tmp_path_factory):
 
 def test_the_flight_is_a_loop_of_pictures_in_the_report(judged):
     folder, outcome = judged
-    assert list(outcome.pictures.values()) == [layout.FLYTHROUGH]
-    with Image.open(folder / layout.FLYTHROUGH) as animation:
+    assert list(outcome.pictures.values()) == [FLYTHROUGH]
+    with Image.open(folder / FLYTHROUGH) as animation:
         assert getattr(animation, "n_frames", 1) == 5
         assert animation.info["loop"] == 0
         assert animation.width > 3 * 24
@@ -46,7 +47,7 @@ def test_no_frames_mean_no_flight(judged, tmp_path):
     config = JUDGE.model_copy(update={"flythrough_frames": 0})
     inputs = {"dataset": judged[0], "training": judged[0]}
     assert evaluation_stage.run(inputs, config, tmp_path, lambda done, total, what: None).pictures == {}
-    assert not (tmp_path / layout.FLYTHROUGH).exists()
+    assert not (tmp_path / FLYTHROUGH).exists()
 
 
 def test_a_model_worse_than_one_colour_is_degraded(judged, tmp_path, monkeypatch):
@@ -75,7 +76,7 @@ def test_the_flight_goes_smoothly_around_the_test_camera_and_looks_where_it_look
 
 def test_the_rules_and_the_photographs_stand_with_the_result(scene, judged):
     folder, outcome = judged
-    assert json.loads((folder / layout.CONVENTIONS).read_text()) == conventions(scene)
+    assert json.loads((folder / CONVENTIONS).read_text()) == conventions(scene)
     assert outcome.metrics["conventions"] == digest(conventions(scene))
     assert outcome.metrics["test_photos"] == held_out_digest(scene)
 

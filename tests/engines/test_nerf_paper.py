@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import torch
 from torch.nn import functional as F
-from toy_scene import toy_scene
 
-from aug3d_core.nerf.batch import draw
-from aug3d_core.nerf.config import TRAINING_PRESETS
-from aug3d_core.nerf.encoder import Encoded, PaperEncoder
-from aug3d_core.nerf.model import PixelNeRF, TensorRays
-from aug3d_core.nerf.reference import encode_plainly, render_plainly
-from aug3d_core.nerf.resnet import ResNet34, used_weights
-from aug3d_core.nerf.stack import ROWS, ResidualStack
+from aug3d_core.dataset.batches import draw
+from aug3d_core.heads.pixelnerf.config import TRAINING_PRESETS
+from aug3d_core.heads.pixelnerf.cpu_mlp import ROWS, ResidualStack
+from aug3d_core.heads.pixelnerf.encoder import Encoded, PaperEncoder
+from aug3d_core.heads.pixelnerf.model import PixelNeRF, TensorRays
+from aug3d_core.heads.pixelnerf.reference import encode_plainly, render_plainly
+from aug3d_core.heads.pixelnerf.resnet import ResNet34, used_weights
+from tests.toy_scene import toy_scene
 
 PAPER = TRAINING_PRESETS["paper"].model_copy(
     update={"hidden": 16, "coarse_samples": 8, "fine_samples": 4, "depth_samples": 4, "encoder_weights": "random"}

@@ -4,17 +4,17 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from torch.nn import functional as F
-from toy_scene import toy_scene
 
-from aug3d_core.nerf import sampling
-from aug3d_core.nerf.baselines import bilinear, project
-from aug3d_core.nerf.cameras import PIXELS, Grid, lookup
-from aug3d_core.nerf.compositing import composite
-from aug3d_core.nerf.config import TrainingConfig
-from aug3d_core.nerf.encoder import SmallEncoder
-from aug3d_core.nerf.field import Field, encode
-from aug3d_core.nerf.model import PixelNeRF, TensorRays
-from aug3d_core.nerf.rays import view_rays
+from aug3d_core.dataset.rays import view_rays
+from aug3d_core.heads.pixelnerf import sampling
+from aug3d_core.heads.pixelnerf.cameras import PIXELS, Grid, lookup
+from aug3d_core.heads.pixelnerf.compositing import composite
+from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.encoder import SmallEncoder
+from aug3d_core.heads.pixelnerf.field import Field, encode
+from aug3d_core.heads.pixelnerf.model import PixelNeRF, TensorRays
+from aug3d_core.judging.cheap_answers import bilinear, project
+from tests.toy_scene import toy_scene
 
 SMALL = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 

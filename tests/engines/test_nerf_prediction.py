@@ -8,20 +8,23 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
-from toy_scene import toy_scene
 from typer.testing import CliRunner
 
+from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.writer import write
-from aug3d_core.formats.cameras import world_from_gl
+from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.transforms import homogeneous, invert
-from aug3d_core.nerf import prediction_stage
-from aug3d_core.nerf.checkpoint import save_model
-from aug3d_core.nerf.config import PredictionConfig, TrainingConfig
-from aug3d_core.nerf.model import PixelNeRF
-from aug3d_core.store import layout
+from aug3d_core.heads.pixelnerf.config import PredictionConfig, TrainingConfig
+from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.novel import stage as prediction_stage
+from aug3d_core.novel.files import PREDICTION, PREDICTION_DEPTH, PREDICTION_VIEW
+from aug3d_core.photos.files import PHOTO_TABLE
+from aug3d_core.run.files import FILES
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
+from aug3d_core.training.checkpoint import save_model
 from flows.cli import app
+from tests.toy_scene import toy_scene
 
 CONFIG = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 
@@ -33,10 +36,10 @@ def made(tmp_path_factory):
     for name in ("dataset", "training", "photos"):
         (folder / name).mkdir()
     scene = toy_scene(0, 24, 16)
-    write(scene, folder / "dataset" / layout.SCENE_ZARR, shard_views=64)
+    write(scene, folder / "dataset" / SCENE_ZARR, shard_views=64)
     save_model(PixelNeRF(CONFIG), folder / "training")
     table = pd.DataFrame({"photo_id": range(36), "name": [f"day{i % 2}/{i:03}.jpg" for i in range(36)]})
-    table.to_parquet(folder / "photos" / layout.PHOTO_TABLE)
+    table.to_parquet(folder / "photos" / PHOTO_TABLE)
     return folder
 
 
@@ -51,9 +54,9 @@ def figure(outcome, name):
 
 def test_it_leaves_pictures_and_the_camera(made, tmp_path):
     outcome = predicted(made, tmp_path)
-    with Image.open(tmp_path / layout.PREDICTION) as picture, Image.open(tmp_path / layout.PREDICTION_DEPTH) as depth:
+    with Image.open(tmp_path / PREDICTION) as picture, Image.open(tmp_path / PREDICTION_DEPTH) as depth:
         assert picture.size == depth.size == (24, 16)
-    view = json.loads((tmp_path / layout.PREDICTION_VIEW).read_text())
+    view = json.loads((tmp_path / PREDICTION_VIEW).read_text())
     assert len(view["inputs"]) == 3
     assert np.array(view["world_from_cam"]).shape == (4, 4)
     assert figure(outcome, "depth_near") < figure(outcome, "depth_far")
@@ -99,7 +102,7 @@ def home(made, tmp_path_factory):
     for name in ("photos", "dataset", "training"):
         work = store.work_dir(name, "k")
         work.mkdir(parents=True)
-        shutil.copytree(made / name, work / layout.FILES)
+        shutil.copytree(made / name, work / FILES)
         records[name] = store.commit(work, name, "k", fields)
     version = new_version(store, "toy")
     write_metrics(version, {"scene": "toy", "paths": version_paths(store, version, records)})

@@ -1,24 +1,20 @@
-"""What `aug3d bench nerf` measures: both networks do the same work, and the race is run on the same photographs."""
+"""What `aug3d bench nerf` measures: both networks do the same work."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_scene import toy_scene
 
-from aug3d_core.bench.nerf import paper, race_figures, speed_figures
+from aug3d_core.bench.nerf import paper, speed_figures
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.rays import view_rays
 from aug3d_core.dataset.writer import write
-from aug3d_core.nerf import race, speed
-from aug3d_core.nerf.config import TrainingConfig
-from aug3d_core.nerf.rays import view_rays
-from aug3d_core.nerf.speed_job import FAST, PLAIN, SpeedJob
-from aug3d_core.store import layout
+from aug3d_core.heads.pixelnerf import speed
+from aug3d_core.heads.pixelnerf.speed_job import FAST, PLAIN, SpeedJob
+from tests.toy_scene import toy_scene
 
 LITTLE = paper({"hidden": 16, "coarse_samples": 4, "fine_samples": 2, "depth_samples": 2}).model_copy(
     update={"rays_per_group": 16}
-)
-SMALL = TrainingConfig(
-    steps=12, hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2, rays_per_group=48
 )
 
 
@@ -29,7 +25,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def packed(scene, tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("dataset") / layout.SCENE_ZARR
+    path = tmp_path_factory.mktemp("dataset") / SCENE_ZARR
     write(scene, path, shard_views=64)
     return path
 
@@ -70,24 +66,3 @@ def test_the_benchmark_compares_in_processes_of_its_own(packed, monkeypatch):
     assert figures["output_max_abs_diff_h64"].value < 1e-4
     assert figures["train_speedup_h64"].goal == 3.0
     assert figures["train_peak_mib_h64"].value > 50
-
-
-def test_the_race_ends_when_the_small_network_is_as_good(scene):
-    plain = race.train_plainly(scene, LITTLE, 0.0)
-    assert len(plain.losses) == 1
-    run, reached = race.catch_up(scene, SMALL, goal=race.test_psnr(plain.model, scene))
-    assert reached >= race.test_psnr(plain.model, scene)  # it starts from a homography
-    assert 1 <= run.step <= SMALL.steps
-
-
-def test_a_race_that_is_not_won_says_so(scene):
-    run, reached = race.catch_up(scene, SMALL, goal=90.0)
-    assert run.step == SMALL.steps
-    assert reached < 90
-
-
-def test_the_race_is_told_as_figures(packed, monkeypatch):
-    monkeypatch.setattr("aug3d_core.bench.nerf.TRAINING_PRESETS", {"paper": LITTLE})
-    figures = race_figures(packed, SMALL, 0.0, lambda *_: None)
-    assert figures["reference_steps"].value == 1
-    assert figures["time_to_reference_psnr_ratio"].value > 0

@@ -8,22 +8,29 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from grouping.strip_scene import fly
 from PIL import Image
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.grouping import overlap_stage, similarity_stage, stage
-from aug3d_core.grouping.config import GroupingConfig, OverlapConfig, SimilarityConfig
-from aug3d_core.grouping.methods import METHODS
-from aug3d_core.grouping.overlap import NET, seen_places, true_overlaps
-from aug3d_core.stage import Outcome
-from aug3d_core.store import layout
-from aug3d_core.surface.raycast import Raycaster
-from aug3d_core.testbed import overlap_stage as town_stage
-from aug3d_core.testbed.patchwork import block, ground, patchwork
+from aug3d_core.groups import similarity_stage, stage
+from aug3d_core.groups.config import GroupingConfig, SimilarityConfig
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.groups.methods import METHODS
+from aug3d_core.overlap import stage as overlap_stage
+from aug3d_core.overlap.config import OverlapConfig
+from aug3d_core.overlap.files import OVERLAP_MEMBERS, OVERLAP_TABLE
+from aug3d_core.overlap.true_overlap import NET, seen_places, true_overlaps
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Outcome
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.surface.files import BASELINE_MESH
+from aug3d_core.town.files import TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.truth import overlap_stage as town_stage
+from aug3d_core.town.truth.patchwork import block, ground, patchwork
+from tests.groups.strip_scene import fly
 
 RNG = np.random.default_rng(0)
 FIELD = patchwork([ground(400, 100)], RNG)
@@ -88,17 +95,17 @@ def silent(done: int, total: int, what: str) -> None: ...
 def inputs_of_strip(folder: Path, k: int, photos: int = 40, length_m: float = 400.0) -> dict[str, Path]:
     """Write what earlier stages would have made of the strip, with pictures, the mesh and the truth."""
     inputs = {name: folder / name for name in ("sfm", "similarity", "grouping", "surface", "town")}
-    for path in (*inputs.values(), inputs["sfm"] / layout.VIEW_IMAGES, inputs["town"] / layout.TOWN_TRUTH):
+    for path in (*inputs.values(), inputs["sfm"] / VIEW_IMAGES, inputs["town"] / TOWN_TRUTH):
         path.mkdir(parents=True)
     views, points, tracks = fly(photos, length_m=length_m)
-    for part, name in ((views, layout.VIEWS), (points, layout.POINTS), (tracks, layout.TRACKS)):
+    for part, name in ((views, VIEWS), (points, POINTS), (tracks, TRACKS)):
         part.save(inputs["sfm"] / name)
-    views.save(inputs["town"] / layout.TRUTH_POSES)
+    views.save(inputs["town"] / TRUTH_POSES)
     for photo_id in views.photo_id:
         image = Image.new("RGB", (120, 120), (int(photo_id), 90, 90))
-        image.save(inputs["sfm"] / layout.VIEW_IMAGES / layout.image_name(int(photo_id)))
-    FIELD.save(inputs["surface"] / layout.BASELINE_MESH)
-    FIELD.save(inputs["town"] / layout.TRUTH_MESH)
+        image.save(inputs["sfm"] / VIEW_IMAGES / image_name(int(photo_id)))
+    FIELD.save(inputs["surface"] / BASELINE_MESH)
+    FIELD.save(inputs["town"] / TRUTH_MESH)
     similarity_stage.run(inputs, SimilarityConfig(), inputs["similarity"], silent)
     stage.run(inputs, GroupingConfig(k=k), inputs["grouping"], silent)
     return inputs
@@ -112,14 +119,14 @@ def run_stage(folder: Path, inputs: dict[str, Path]) -> Outcome:
 def test_the_stage_tells_every_way_at_every_size(tmp_path: Path) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 6)
     outcome = run_stage(tmp_path / "out", inputs)
-    table = pd.read_parquet(tmp_path / "out" / layout.OVERLAP_TABLE)
+    table = pd.read_parquet(tmp_path / "out" / OVERLAP_TABLE)
     assert {("shared", 6), ("shared", 10), ("shared", 20), ("best", 10)} <= set(
         zip(table["method"], table["k"], strict=True)
     )
     assert set(METHODS) <= set(table["method"])
     assert outcome.state == "ok" and outcome.metrics["bad_members_share"] == 0.0
     assert outcome.metrics["k"] == 6
-    members = pd.read_parquet(tmp_path / "out" / layout.OVERLAP_MEMBERS)
+    members = pd.read_parquet(tmp_path / "out" / OVERLAP_MEMBERS)
     mine = members[(members["method"] == "shared") & (members["k"] == 10)]
     assert outcome.metrics["bad_members_shared_k10"] == pytest.approx((mine["overlap"] < 0.1).mean())
     shares = table.set_index(["method", "k"])["bad_members_share"]
@@ -135,11 +142,11 @@ def test_the_stage_tells_every_way_at_every_size(tmp_path: Path) -> None:
 
 def test_the_town_is_measured_at_true_poses_by_photo_id(tmp_path: Path) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 6)
-    truth = Views.load(inputs["town"] / layout.TRUTH_POSES)
+    truth = Views.load(inputs["town"] / TRUTH_POSES)
     shuffled = Views(np.append(truth.photo_id, 999), *(
         np.append(array, array[:1], axis=0) for array in (truth.cam_from_world, truth.intrinsics, truth.size)
     ))  # fmt: skip
-    shuffled.save(inputs["town"] / layout.TRUTH_POSES)  # one photograph more than was placed
+    shuffled.save(inputs["town"] / TRUTH_POSES)  # one photograph more than was placed
     (tmp_path / "town").mkdir()
     exact = town_stage.run(inputs, OverlapConfig(groups=12), tmp_path / "town", silent)
     assert exact.metrics == run_stage(tmp_path / "mesh", inputs).metrics
@@ -147,9 +154,9 @@ def test_the_town_is_measured_at_true_poses_by_photo_id(tmp_path: Path) -> None:
 
 def test_groups_of_views_that_see_nothing_alike_are_degraded(tmp_path: Path) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 6)
-    with np.load(inputs["grouping"] / layout.GROUPS) as arrays:
+    with np.load(inputs["grouping"] / GROUPS) as arrays:
         test_members = arrays["test_members"]
-    np.savez(inputs["grouping"] / layout.GROUPS, members=np.array([[0, 10, 29, 11]]), test_members=test_members)
+    np.savez(inputs["grouping"] / GROUPS, members=np.array([[0, 10, 29, 11]]), test_members=test_members)
     outcome = run_stage(tmp_path / "out", inputs)
     assert outcome.state == "degraded"
     assert "of the members of the scene's groups see next to nothing" in outcome.notes[0]
@@ -158,7 +165,7 @@ def test_groups_of_views_that_see_nothing_alike_are_degraded(tmp_path: Path) -> 
 def test_a_mesh_of_a_corner_judges_few_members_and_says_so(tmp_path: Path) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 6)
     corner = patchwork([ground(40, 40)], RNG)
-    corner.save(inputs["surface"] / layout.BASELINE_MESH)
+    corner.save(inputs["surface"] / BASELINE_MESH)
     outcome = run_stage(tmp_path / "out", inputs)
     assert outcome.state == "degraded"
     assert outcome.notes[0].startswith("the mesh shows too little to judge")
@@ -177,7 +184,7 @@ def test_a_way_that_cannot_group_the_views_is_told(tmp_path: Path, monkeypatch: 
 def test_six_photographs_are_measured_at_the_only_size_there_is(tmp_path: Path) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 2, 6, 100.0)
     outcome = run_stage(tmp_path / "out", inputs)
-    table = pd.read_parquet(tmp_path / "out" / layout.OVERLAP_TABLE)
+    table = pd.read_parquet(tmp_path / "out" / OVERLAP_TABLE)
     assert set(table.loc[table["method"] != "test", "k"]) == {2}
     assert outcome.metrics["bad_members_shared_k10"] is None
     assert len(outcome.pictures) == 2
@@ -186,6 +193,6 @@ def test_six_photographs_are_measured_at_the_only_size_there_is(tmp_path: Path) 
 def test_an_empty_mesh_is_refused(tmp_path: Path) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 6)
     empty = Mesh(np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8), np.empty((0, 3), np.int32))
-    empty.save(inputs["surface"] / layout.BASELINE_MESH)
+    empty.save(inputs["surface"] / BASELINE_MESH)
     with pytest.raises(InputError, match="no triangle"):
         run_stage(tmp_path / "out", inputs)

@@ -5,14 +5,16 @@ import pytest
 
 from aug3d_core.bench import rendering
 from aug3d_core.bench.raycasting import cast_view, raycast_figures
-from aug3d_core.bench.trial import Measured, Trial
+from aug3d_core.domes.files import CAMERAS
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import homogeneous, invert, look_at
 from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
-from aug3d_core.stage import Outcome
-from aug3d_core.store import layout
+from aug3d_core.rendering.files import SHARDS
+from aug3d_core.run.stage import Outcome
 from aug3d_core.store.store import Store
-from aug3d_core.surface.raycast import Raycaster
+from aug3d_core.studies.common.trial import Measured, Trial
+from aug3d_core.surface.files import MESH_TEXTURE, TEXTURED_MESH
 
 SIZE = (7, 11)
 
@@ -46,15 +48,15 @@ def test_one_ray_is_the_pixel_s_centre(mesh, camera):
 
 
 def test_psnr_is_of_what_both_show(mesh, camera, tmp_path):
-    mesh.save(tmp_path / layout.TEXTURED_MESH, tmp_path / layout.MESH_TEXTURE)
+    mesh.save(tmp_path / TEXTURED_MESH, tmp_path / MESH_TEXTURE)
     rgb = cast_view(Raycaster(mesh.xyz, mesh.triangles), mesh, camera, 3).rgb[None].astype(int)
     alpha = np.full(rgb.shape[:3], 255, np.uint8)
     rgb[:, 3:] = np.where(rgb[:, 3:] < 128, rgb[:, 3:] + 5, rgb[:, 3:] - 5)
     rgb[:, :3], alpha[:, :3] = 0, 0  # empty to Cycles
-    (tmp_path / layout.SHARDS).mkdir()
-    np.savez(tmp_path / layout.SHARDS / "0000.npz", rgb=rgb.astype(np.uint8), alpha=alpha)
+    (tmp_path / SHARDS).mkdir()
+    np.savez(tmp_path / SHARDS / "0000.npz", rgb=rgb.astype(np.uint8), alpha=alpha)
     cameras = {name: array[None] for name, array in camera.items()}
-    found = raycast_figures(tmp_path, cameras, tmp_path / layout.SHARDS, lambda *_: None)
+    found = raycast_figures(tmp_path, cameras, tmp_path / SHARDS, lambda *_: None)
     assert found["rendering_raycast_nine_rays_psnr_db"].value == pytest.approx(20 * np.log10(255 / 5), abs=1e-6)
     assert found["rendering_raycast_psnr_db"].value < 25
     assert found["raycast_views_per_minute"].value > 0
@@ -65,7 +67,7 @@ def test_the_stage_s_own_figures_are_told_with_their_goals(camera, tmp_path, mon
     monkeypatch.setattr(rendering, "run", lambda *_: Outcome(metrics=metrics))
     cameras = {"view_id": np.arange(1)} | {name: array[None] for name, array in camera.items()}
     found, samples = rendering.cycles_figures(tmp_path, cameras, tmp_path, lambda *_: None)
-    assert samples == 8 and (tmp_path / layout.CAMERAS).exists()
+    assert samples == 8 and (tmp_path / CAMERAS).exists()
     assert (found["render_overhead_share"].value, found["render_overhead_share"].holds) == (0.2, False)
     assert (found["worker_growth_mib"].goal, found["worker_growth_mib"].holds) == (300.0, True)
     assert found["render_views_per_minute"].goal == 200.0 and found["render_samples_psnr_db"].holds

@@ -12,7 +12,7 @@ from aug3d_core.geometry.transforms import apply, homogeneous, invert, look_at, 
 from aug3d_core.rendering.colour import linear_from_srgb
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, Sunlit
 from aug3d_core.rendering.launch import render
-from aug3d_core.worker import WorkerDied
+from aug3d_core.run.helper_process import WorkerDied
 
 WIDTH, HEIGHT = 7, 11  # odd and unequal, so that no swap of axes goes unseen
 COLOURS = np.array([[255, 0, 0], [12, 200, 77], [128, 128, 128], [3, 9, 250]], np.uint8)

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from aug3d_core.errors import InputError
-from aug3d_core.sampling import sam
-from aug3d_core.sampling.methods import METHODS
-from aug3d_core.sampling.orthographic import Slice
+from aug3d_core.domes.methods import METHODS, sam
+from aug3d_core.domes.orthographic import Slice
+from aug3d_core.run.errors import InputError
 from tests.engines.little_town import config, site_over, town
 
 # In a process of its own: torch must not share one with the ray caster. The model is sure of everything, and its logits

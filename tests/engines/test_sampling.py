@@ -3,17 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aug3d_core.domes.cameras import Plan
+from aug3d_core.domes.conditioning import GOOD, REASONS, faults, lacks
+from aug3d_core.domes.config import SamplingConfig
+from aug3d_core.domes.methods import METHODS
+from aug3d_core.domes.methods.grid import cell_centres, choose_scales, choose_step
+from aug3d_core.domes.methods.spiral import TURNS, on_run
+from aug3d_core.domes.place import dome_over, looked_at
+from aug3d_core.domes.site import edge_length, lens_like, photo_sampling
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import invert, look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.sampling.cameras import Plan
-from aug3d_core.sampling.conditioning import GOOD, REASONS, faults, lacks
-from aug3d_core.sampling.config import SamplingConfig
-from aug3d_core.sampling.grid import cell_centres, choose_scales, choose_step
-from aug3d_core.sampling.methods import METHODS
-from aug3d_core.sampling.place import dome_over, looked_at
-from aug3d_core.sampling.site import edge_length, lens_like, photo_sampling
-from aug3d_core.sampling.spiral import TURNS, on_run
 from tests.engines.little_town import CONFIG, SIZE, VIEWS_PER_DOME, config, site_over, town
 
 

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from aug3d_core.domes.choice import as_drawn, by_coverage, together, views_ratio
+from aug3d_core.domes.justified import sampling_by_photos
+from aug3d_core.domes.methods import METHODS
+from aug3d_core.domes.reach import Curve, Reach
+from aug3d_core.domes.sight import DIRECTIONS, SPREAD, spread_over
 from aug3d_core.geometry.transforms import invert, look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.sampling.choice import as_drawn, by_coverage, together, views_ratio
-from aug3d_core.sampling.justified import sampling_by_photos
-from aug3d_core.sampling.methods import METHODS
-from aug3d_core.sampling.reach import Curve, Reach
-from aug3d_core.sampling.sight import DIRECTIONS, SPREAD, spread_over
 from tests.engines.little_town import CONFIG, LENS, SIZE, VIEWS_PER_DOME, config, site_over, town
 
 

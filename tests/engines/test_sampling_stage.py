@@ -3,13 +3,17 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from aug3d_core.errors import InputError
+from aug3d_core.domes.cameras import Cameras
+from aug3d_core.domes.files import CAMERAS, DOME_TABLE
+from aug3d_core.domes.stage import run
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.sampling.cameras import Cameras
-from aug3d_core.sampling.stage import run
-from aug3d_core.store import layout
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.run.errors import InputError
+from aug3d_core.sfm.files import VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.surface.files import MESH
 from tests.engines.little_town import config, town
 
 WANTED = config(domes=6)
@@ -29,13 +33,13 @@ def sample(tmp_path):
         folders = {name: tmp_path / name for name in ("sfm", "grouping", "surface", "out")}
         for folder in folders.values():
             folder.mkdir(exist_ok=True)
-        (views or photos()).save(folders["sfm"] / layout.VIEWS)
+        (views or photos()).save(folders["sfm"] / VIEWS)
         role = ["train"] * 5 + ["target"]
         table = pd.DataFrame({"view": range(6), "photo_id": range(6), "role": role})
-        table.to_parquet(folders["grouping"] / layout.SPLIT_TABLE)
+        table.to_parquet(folders["grouping"] / SPLIT_TABLE)
         members = np.zeros((3, 4), int)
-        np.savez(folders["grouping"] / layout.GROUPS, members=members, test_members=members[:1])
-        mesh.save(folders["surface"] / layout.MESH)
+        np.savez(folders["grouping"] / GROUPS, members=members, test_members=members[:1])
+        mesh.save(folders["surface"] / MESH)
         out = folders.pop("out")
         return run(folders, settings, out, lambda done, total, what: None)
 
@@ -46,7 +50,7 @@ def sample(tmp_path):
 @pytest.mark.parametrize("choice", ["coverage", "uniform"])
 def test_the_stage_writes_what_the_renderer_reads(sample, choice):
     outcome = sample(town(), WANTED.model_copy(update={"choice": choice, "max_smeared": 1.0}))
-    cameras, table = Cameras.load(sample.out / layout.CAMERAS), pd.read_parquet(sample.out / layout.DOME_TABLE)
+    cameras, table = Cameras.load(sample.out / CAMERAS), pd.read_parquet(sample.out / DOME_TABLE)
     assert outcome.metrics["views_planned"] == len(cameras) == 4 * outcome.metrics["domes"] > 0
     assert table[table.views > 0].dome_id.tolist() == sorted(set(cameras.dome_id.tolist()))
     assert (table[table.views == 0].dome_id == -1).all()
@@ -112,15 +116,15 @@ def test_where_every_camera_is_rejected_there_are_no_views_and_the_reason_is_tol
         and "no dome stands on any of" in outcome.notes[0]
         and "too near" in outcome.notes[0]
     )
-    assert len(Cameras.load(sample.out / layout.CAMERAS)) == 0
+    assert len(Cameras.load(sample.out / CAMERAS)) == 0
     assert outcome.metrics["views_planned"] == 0 < outcome.metrics["rejected_too_near"]
 
 
 def test_none_are_planned_where_none_are_wanted(sample):
     outcome = sample(town(), WANTED.model_copy(update={"domes": 0}))
     assert (outcome.state, outcome.notes) == ("ok", ("no virtual views are wanted (sampling.domes is 0)",))
-    assert len(Cameras.load(sample.out / layout.CAMERAS)) == 0
-    assert pd.read_parquet(sample.out / layout.DOME_TABLE).empty
+    assert len(Cameras.load(sample.out / CAMERAS)) == 0
+    assert pd.read_parquet(sample.out / DOME_TABLE).empty
     assert outcome.metrics["views_planned"] == 0 < outcome.metrics["photos_reach_share"]
 
 
@@ -136,4 +140,4 @@ def test_a_tower_alone_has_no_domes_and_says_so(sample):
 def test_where_no_dome_adds_enough_there_are_no_views_and_all_is_well(sample):
     outcome = sample(town(), WANTED.model_copy(update={"min_gain": 1.0, "max_smeared": 1.0}))
     assert outcome.state == "ok" and "no virtual views are needed" in outcome.notes[0]
-    assert len(Cameras.load(sample.out / layout.CAMERAS)) == 0 and outcome.metrics["uniform_views"] > 0
+    assert len(Cameras.load(sample.out / CAMERAS)) == 0 and outcome.metrics["uniform_views"] > 0

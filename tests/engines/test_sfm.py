@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
-from engines.sfm_runs import loaded, run_sfm, take_photos
 from PIL import Image
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
@@ -20,6 +18,8 @@ from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.stage import run as take_in
+from tests.engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
+from tests.engines.sfm_runs import loaded, run_sfm, take_photos
 
 pytestmark = pytest.mark.slow
 

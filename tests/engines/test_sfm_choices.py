@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pycolmap
 import pytest
-from engines.little_scene import FOCAL_PX, poses, write_flight
-from engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
 
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.sfm import export
 from aug3d_core.sfm.mapping import choose_mapper, parts_of
+from tests.engines.little_scene import FOCAL_PX, poses, write_flight
+from tests.engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
 
 pytestmark = pytest.mark.slow
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from engines.little_scene import poses, write_flight
-from engines.sfm_runs import run_sfm, take_photos
 from PIL import Image
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.transforms import look_at
+from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.refusal import nothing_found, refuse_short_baseline
+from tests.engines.little_scene import poses, write_flight
+from tests.engines.sfm_runs import run_sfm, take_photos
 
 pytestmark = pytest.mark.slow
 

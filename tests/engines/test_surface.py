@@ -9,18 +9,31 @@ import pandas as pd
 import pytest
 from PIL import Image, ImageOps
 
-from aug3d_core.errors import InputError
+from aug3d_core.depth.files import BASELINE_FUSED, FUSED
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.raycast import Raycaster, pixel_rays
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import apply, look_at
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.store import layout
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.errors import InputError
+from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
 from aug3d_core.surface.evidence import Evidence
+from aug3d_core.surface.files import (
+    BASELINE_MESH,
+    BASELINE_MESH_TEXTURE,
+    BASELINE_RENDERS,
+    BASELINE_TEXTURED_MESH,
+    MESH,
+    MESH_SOURCES,
+    MESH_TEXTURE,
+    TEXTURED_MESH,
+)
 from aug3d_core.surface.poisson import octree_depth, reconstruct, simplify
-from aug3d_core.surface.raycast import Raycaster, pixel_rays
 from aug3d_core.surface.shape import Shape
 from aug3d_core.surface.stage import run
 
@@ -162,18 +175,16 @@ def flight(tmp_path_factory) -> dict[str, Path]:
     poses = np.stack([look_at(np.array([x, y, 40.0]), np.array([x, y + 1e-3, 0.0])) for x, y in places])
     n = len(poses)
     views = Views(np.arange(n), poses, np.tile([90.0, 90.0, 50.0, 37.0], (n, 1)), np.tile([101, 75], (n, 1)))
-    (sfm / layout.VIEW_IMAGES).mkdir()
+    (sfm / VIEW_IMAGES).mkdir()
     for i in range(n):
         photo = caster.render(truth, poses[i], views.intrinsics[i], views.size[i]).rgb
-        Image.fromarray(photo).save(sfm / layout.VIEW_IMAGES / layout.image_name(i))
-    views.save(sfm / layout.VIEWS)
-    shared_points(truth, views).save(sfm / layout.TRACKS)
+        Image.fromarray(photo).save(sfm / VIEW_IMAGES / image_name(i))
+    views.save(sfm / VIEWS)
+    shared_points(truth, views).save(sfm / TRACKS)
     role = np.full(n, "train", object)
     role[[4]], role[[5, 8]] = "target", "support"
-    pd.DataFrame({"view": np.arange(n), "photo_id": np.arange(n), "role": role}).to_parquet(
-        grouping / layout.SPLIT_TABLE
-    )
-    for name, seed in ((layout.FUSED, 0), (layout.BASELINE_FUSED, 1)):
+    pd.DataFrame({"view": np.arange(n), "photo_id": np.arange(n), "role": role}).to_parquet(grouping / SPLIT_TABLE)
+    for name, seed in ((FUSED, 0), (BASELINE_FUSED, 1)):
         points = on_hills(truth, 30_000, np.random.default_rng(seed))
         in_lake = np.linalg.norm(points.xyz[:, :2] - LAKE, axis=1) < LAKE_RADIUS
         Fused(*(getattr(points, f)[~in_lake] for f in ("xyz", "normals", "rgb", "views"))).save(depth / name)
@@ -214,7 +225,7 @@ def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, tmp_path, 
     outcome = build_surface(flight, tmp_path, colour=colour)
     truth = hills()
     caster = Raycaster(truth.xyz, truth.triangles)
-    for name in (layout.MESH, layout.BASELINE_MESH):
+    for name in (MESH, BASELINE_MESH):
         xyz = Mesh.load(tmp_path / name).xyz.astype(float)
         inner = (np.abs(xyz[:, :2]) < 38).all(axis=1)  # at the rim the surface hangs over
         assert np.percentile(caster.distance(xyz[inner]), 95) < 0.25  # half a pixel of the photos
@@ -223,15 +234,15 @@ def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, tmp_path, 
     assert outcome.metrics["covered_share"] > 0.9
     assert outcome.metrics["decimation_error_gsd"] <= 0.5
     assert outcome.state == "ok"
-    with Image.open(tmp_path / layout.BASELINE_RENDERS / layout.image_name(4)) as render:
+    with Image.open(tmp_path / BASELINE_RENDERS / image_name(4)) as render:
         assert render.size == (101, 75)
         assert render.mode == "RGBA"
     assert all((tmp_path / path).is_file() for path in outcome.pictures.values())
-    assert (tmp_path / layout.TEXTURED_MESH).exists() == (colour == "texture")
+    assert (tmp_path / TEXTURED_MESH).exists() == (colour == "texture")
 
 
 def test_the_lake_is_a_hole_and_the_blob_is_gone(built):
-    for name in (layout.MESH, layout.BASELINE_MESH):
+    for name in (MESH, BASELINE_MESH):
         mesh = Mesh.load(built[1] / name)
         caster = Raycaster(mesh.xyz, mesh.triangles)
         to_lake = np.linalg.norm(mesh.xyz[:, :2] - LAKE, axis=1)
@@ -242,8 +253,8 @@ def test_the_lake_is_a_hole_and_the_blob_is_gone(built):
 
 
 def test_textured_and_plain_mesh_have_the_same_shape(built):
-    plain = Mesh.load(built[1] / layout.BASELINE_MESH)
-    textured = TexturedMesh.load(built[1] / layout.BASELINE_TEXTURED_MESH, built[1] / layout.BASELINE_MESH_TEXTURE)
+    plain = Mesh.load(built[1] / BASELINE_MESH)
+    textured = TexturedMesh.load(built[1] / BASELINE_TEXTURED_MESH, built[1] / BASELINE_MESH_TEXTURE)
     np.testing.assert_array_equal(plain.xyz, textured.xyz)
     np.testing.assert_array_equal(plain.triangles, textured.triangles)
     assert textured.uv.min() >= 0
@@ -251,7 +262,7 @@ def test_textured_and_plain_mesh_have_the_same_shape(built):
 
 
 def test_the_sources_are_named(built):
-    sources = json.loads((built[1] / layout.MESH_SOURCES).read_text())
+    sources = json.loads((built[1] / MESH_SOURCES).read_text())
     assert sources == {"mesh": [0, 1, 2, 3, 6, 7, 9, 10, 11], "baseline": [i for i in range(12) if i != 4]}
 
 
@@ -263,28 +274,28 @@ def test_the_same_input_gives_the_same_bytes(flight, built, tmp_path):
 
 
 def test_no_pixel_of_a_held_out_photo_reaches_the_meshes(flight, built, tmp_path):
-    train = [layout.MESH, layout.TEXTURED_MESH, layout.MESH_TEXTURE]
-    baseline = [layout.BASELINE_MESH, layout.BASELINE_TEXTURED_MESH, layout.BASELINE_MESH_TEXTURE]
+    train = [MESH, TEXTURED_MESH, MESH_TEXTURE]
+    baseline = [BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE]
     for hidden, same in (((4,), train + baseline), ((4, 5, 8), train)):
         sfm = tmp_path / f"sfm{len(hidden)}"
-        (sfm / layout.VIEW_IMAGES).mkdir(parents=True)
-        for name in (layout.VIEWS, layout.TRACKS):
+        (sfm / VIEW_IMAGES).mkdir(parents=True)
+        for name in (VIEWS, TRACKS):
             (sfm / name).write_bytes((flight["sfm"] / name).read_bytes())
-        for photo in (flight["sfm"] / layout.VIEW_IMAGES).iterdir():
+        for photo in (flight["sfm"] / VIEW_IMAGES).iterdir():
             with Image.open(photo) as image:
-                black = photo.name in {layout.image_name(i) for i in hidden}
-                (Image.new("RGB", image.size) if black else image).save(sfm / layout.VIEW_IMAGES / photo.name)
+                black = photo.name in {image_name(i) for i in hidden}
+                (Image.new("RGB", image.size) if black else image).save(sfm / VIEW_IMAGES / photo.name)
         out = tmp_path / f"out{len(hidden)}"
         build_surface(flight | {"sfm": sfm}, out)
         assert all(cmp(out / name, built[1] / name, shallow=False) for name in same)
-    assert (out / layout.BASELINE_MESH_TEXTURE).read_bytes() != (built[1] / layout.BASELINE_MESH_TEXTURE).read_bytes()
+    assert (out / BASELINE_MESH_TEXTURE).read_bytes() != (built[1] / BASELINE_MESH_TEXTURE).read_bytes()
 
 
 def test_a_mesh_that_shows_held_out_photos_worse_than_one_colour_is_degraded(flight, built, tmp_path):
     assert built[0].metrics["target_render_psnr"] > built[0].metrics["target_flat_psnr"]
     sfm = tmp_path / "sfm"
     copytree(flight["sfm"], sfm)
-    target = sfm / layout.VIEW_IMAGES / layout.image_name(4)
+    target = sfm / VIEW_IMAGES / image_name(4)
     with Image.open(target) as image:
         other = ImageOps.invert(image.convert("RGB"))
     other.save(target)
@@ -294,8 +305,8 @@ def test_a_mesh_that_shows_held_out_photos_worse_than_one_colour_is_degraded(fli
 
 
 def test_too_few_fused_points_are_an_error_that_says_so(flight, tmp_path):
-    fused = Fused.load(flight["depth"] / layout.FUSED)
-    Fused(*(getattr(fused, f)[:50] for f in ("xyz", "normals", "rgb", "views"))).save(tmp_path / layout.FUSED)
+    fused = Fused.load(flight["depth"] / FUSED)
+    Fused(*(getattr(fused, f)[:50] for f in ("xyz", "normals", "rgb", "views"))).save(tmp_path / FUSED)
     with pytest.raises(InputError, match="of 50 fused points"):
         build_surface(flight | {"depth": tmp_path}, tmp_path / "out")
 

@@ -5,7 +5,7 @@ from PIL import Image
 
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.store.layout import image_name
+from aug3d_core.photos.files import image_name
 from aug3d_core.surface.colour import Colours, Photographs, ground_sampling, paint_vertices
 from aug3d_core.surface.shape import Shape, split_to
 

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.store.layout import image_name
+from aug3d_core.photos.files import image_name
 from aug3d_core.surface.atlas import GUTTER, atlas_within, make_atlas, pack
 from aug3d_core.surface.colour import Photographs, paint_vertices
-from aug3d_core.surface.raycast import Raycaster
 from aug3d_core.surface.shape import Shape, triangle_areas, triangle_normals
 from aug3d_core.surface.texture import paint_texture
 

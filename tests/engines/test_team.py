@@ -3,13 +3,13 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from toy_scene import toy_scene
 
-from aug3d_core.nerf import training
-from aug3d_core.nerf.batch import draw
-from aug3d_core.nerf.checkpoint import saved_steps
-from aug3d_core.nerf.config import TrainingConfig
-from aug3d_core.nerf.team import Team, fitting_size, gathered
+from aug3d_core.dataset.batches import draw
+from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.training import loop as training
+from aug3d_core.training.checkpoint import saved_steps
+from aug3d_core.training.ddp import Team, fitting_size, gathered
+from tests.toy_scene import toy_scene
 
 CONFIG = TrainingConfig(
     steps=8, groups_per_step=2, hidden=8, encoder_channels=4, coarse_samples=4, fine_samples=2, depth_samples=0,

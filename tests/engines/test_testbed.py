@@ -14,9 +14,9 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.photos.exif import read_exif
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard
 from aug3d_core.rendering.launch import render
-from aug3d_core.store import layout
-from aug3d_core.testbed.config import TownConfig
-from aug3d_core.testbed.town_stage import photo_name, run
+from aug3d_core.town.config import TownConfig
+from aug3d_core.town.files import TOWN_PHOTOS, TRUTH_FOOTPRINTS, TRUTH_LENS, TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.stage import photo_name, run
 
 CONFIG = TownConfig(length_m=70, width_m=70, altitude_m=45, width_px=320, samples=2, photos_per_shard=4)
 PHOTOS = 8
@@ -32,20 +32,20 @@ def town(tmp_path_factory) -> Path:
 
 
 def photo(town: Path, photo_id: int) -> np.ndarray:
-    with Image.open(town / layout.TOWN_PHOTOS / photo_name(photo_id)) as image:
+    with Image.open(town / TOWN_PHOTOS / photo_name(photo_id)) as image:
         return np.asarray(image.convert("L"), float)
 
 
 def test_photographs_and_truth_are_apart_and_complete(town):
-    names = sorted(p.name for p in (town / layout.TOWN_PHOTOS).iterdir())
+    names = sorted(p.name for p in (town / TOWN_PHOTOS).iterdir())
     assert names == [photo_name(i) for i in range(PHOTOS)]
-    views = Views.load(town / layout.TRUTH_POSES)
+    views = Views.load(town / TRUTH_POSES)
     assert len(views) == PHOTOS and (views.size == [320, 240]).all()
-    footprints = json.loads((town / layout.TRUTH_FOOTPRINTS).read_text())
+    footprints = json.loads((town / TRUTH_FOOTPRINTS).read_text())
     assert footprints["footprints"] and set(footprints["origin"]) == {"lat_deg", "lon_deg", "alt_m"}
     times = []
     for name in names:
-        with Image.open(town / layout.TOWN_PHOTOS / name) as image:
+        with Image.open(town / TOWN_PHOTOS / name) as image:
             exif = read_exif(image)
         assert exif.focal_px == pytest.approx(CONFIG.focal_px, rel=1e-3)
         times.append(exif.time)
@@ -61,9 +61,9 @@ def test_photographs_are_well_exposed_and_full_of_detail(town):
 
 
 def test_a_killed_run_continues_and_ends_in_the_same_bytes(town):
-    files = {p: p.read_bytes() for p in (town / layout.TOWN_PHOTOS).iterdir()}
-    truth = (town / layout.TRUTH_MESH).read_bytes()
-    lost = [town / layout.TOWN_PHOTOS / photo_name(i) for i in (5, 6)]
+    files = {p: p.read_bytes() for p in (town / TOWN_PHOTOS).iterdir()}
+    truth = (town / TRUTH_MESH).read_bytes()
+    lost = [town / TOWN_PHOTOS / photo_name(i) for i in (5, 6)]
     for path in lost:
         path.unlink()
     told = []
@@ -71,12 +71,12 @@ def test_a_killed_run_continues_and_ends_in_the_same_bytes(town):
     assert [done for done, _, what in told if what == "photographs"] == [5, 6, 7, 8], (
         "only the second shard is rendered"
     )
-    assert {p: p.read_bytes() for p in (town / layout.TOWN_PHOTOS).iterdir()} == files
-    assert (town / layout.TRUTH_MESH).read_bytes() == truth
+    assert {p: p.read_bytes() for p in (town / TOWN_PHOTOS).iterdir()} == files
+    assert (town / TRUTH_MESH).read_bytes() == truth
 
 
 def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_path):
-    views = Views.load(town / layout.TRUTH_POSES)
+    views = Views.load(town / TRUTH_POSES)
     np.savez(
         tmp_path / "cameras.npz",
         view_id=views.photo_id,
@@ -85,7 +85,7 @@ def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_
         size=views.size,
     )
     job = RenderJob(
-        meshes=(MeshFile(path=town / layout.TRUTH_MESH),),
+        meshes=(MeshFile(path=town / TRUTH_MESH),),
         cameras=tmp_path / "cameras.npz",
         shards=(Shard(first=2, last=3, out=tmp_path / "0.npz", samples=4),),
     )
@@ -93,7 +93,7 @@ def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_
     with np.load(job.shards[0].out) as shard:
         seen, alpha = shard["rgb"][0].mean(axis=2), shard["alpha"][0]
     assert (alpha == 255).all(), "photographs show nothing beyond the world's edge"
-    assert len(Mesh.load(town / layout.TRUTH_MESH).xyz) > 10_000
+    assert len(Mesh.load(town / TRUTH_MESH).xyz) > 10_000
     image, shifts = photo(town, 2), range(-6, 7)
     middle = seen[10:-10, 10:-10].ravel()
     fit = [
@@ -113,7 +113,7 @@ def test_a_lens_bends_the_photograph_as_the_truth_says(tmp_path):
         out.mkdir()
         run({}, config.model_copy(update={"radial_k1": k1}), out, lambda *_: None)
         images[name] = photo(out, 0)
-    lens = json.loads((tmp_path / "bent" / layout.TRUTH_LENS).read_text())
+    lens = json.loads((tmp_path / "bent" / TRUTH_LENS).read_text())
     assert lens["model"] == "RADIAL" and (lens["width"], lens["height"]) == (320, 240)
     focal, cx, cy, k1, k2 = lens["params"]
     assert k1 == -0.12 and focal == pytest.approx(CONFIG.focal_px)
@@ -140,7 +140,7 @@ def test_every_fault_at_once_still_makes_a_flight(tmp_path):
     )  # fmt: skip
     outcome = run({}, config, tmp_path, lambda *_: None)
     assert outcome.metrics["photos"] == 4
-    with Image.open(tmp_path / layout.TOWN_PHOTOS / photo_name(3)) as image:
+    with Image.open(tmp_path / TOWN_PHOTOS / photo_name(3)) as image:
         exif = read_exif(image)
         assert image.size == (160, 120)
     assert np.isnan(exif.focal_px) and np.isnan(exif.lat_deg) and exif.time is not None

@@ -4,15 +4,16 @@ from filecmp import cmp
 import pandas as pd
 import pytest
 import torch
-from engines.toy_training import CONFIG, silent
 from safetensors.torch import load_file
 
-from aug3d_core.errors import InputError
-from aug3d_core.nerf import training, training_stage
-from aug3d_core.nerf.checkpoint import STATE, load_state, save_state, saved_steps
-from aug3d_core.nerf.run import begin, begin_again
-from aug3d_core.nerf.training import train
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.training import loop as training
+from aug3d_core.training import stage as training_stage
+from aug3d_core.training.checkpoint import STATE, load_state, save_state, saved_steps
+from aug3d_core.training.files import CHECKPOINT, CURVE, MODEL_CONFIG, MODEL_WEIGHTS
+from aug3d_core.training.loop import train
+from aug3d_core.training.state import begin, begin_again
+from tests.engines.toy_training import CONFIG, silent
 
 LIGHT = CONFIG.model_copy(
     update={
@@ -42,20 +43,20 @@ def test_training_reports_its_curve_and_leaves_a_model(trained):
     assert outcome.metrics["stopped_by"] == "steps"
     assert outcome.metrics["restarts"] == 0
     assert 0 < outcome.metrics["loader_wait_share"] < 0.5
-    assert outcome.metrics["parameters"] == sum(w.numel() for w in load_file(out / layout.MODEL_WEIGHTS).values())
+    assert outcome.metrics["parameters"] == sum(w.numel() for w in load_file(out / MODEL_WEIGHTS).values())
     assert [step for step, _ in outcome.series["train_psnr"]] == list(range(1, 13))
-    assert len(pd.read_parquet(out / layout.CURVE)) == 12
-    assert not (out / layout.CHECKPOINT).exists()
+    assert len(pd.read_parquet(out / CURVE)) == 12
+    assert not (out / CHECKPOINT).exists()
 
 
 def test_training_repeats_to_the_bit(dataset, trained, tmp_path):
     training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
-    assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.MODEL_CONFIG, layout.CURVE)
+    assert same_files(tmp_path, trained[0], MODEL_WEIGHTS, MODEL_CONFIG, CURVE)
 
 
 def test_another_seed_is_another_model(dataset, trained, tmp_path):
     training_stage.run({"dataset": dataset}, CONFIG.model_copy(update={"seed": 1, "steps": 2}), tmp_path, silent)
-    assert not same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS)
+    assert not same_files(tmp_path, trained[0], MODEL_WEIGHTS)
 
 
 def test_a_model_that_learned_nothing_is_degraded(dataset, tmp_path):
@@ -78,21 +79,21 @@ def killed_at(step, scene, config, checkpoints):
 
 
 def test_a_killed_training_resumes_to_the_same_curve_and_weights(scene, dataset, trained, tmp_path):
-    killed_at(8, scene, CONFIG, tmp_path / layout.CHECKPOINT)
-    assert saved_steps(tmp_path / layout.CHECKPOINT) == [5]
+    killed_at(8, scene, CONFIG, tmp_path / CHECKPOINT)
+    assert saved_steps(tmp_path / CHECKPOINT) == [5]
     training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
-    assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.CURVE)
+    assert same_files(tmp_path, trained[0], MODEL_WEIGHTS, CURVE)
 
 
 @pytest.mark.parametrize("torn", [(10,), (5, 10)])
 def test_a_torn_checkpoint_costs_the_steps_since_the_one_before(scene, dataset, trained, tmp_path, torn, capsys):
-    folder = tmp_path / layout.CHECKPOINT
+    folder = tmp_path / CHECKPOINT
     killed_at(12, scene, CONFIG, folder)
     assert saved_steps(folder) == [5, 10]
     for step in torn:
         (folder / STATE.format(step)).write_bytes(b"")  # as a power cut leaves a file that was not synced
     training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
-    assert same_files(tmp_path, trained[0], layout.MODEL_WEIGHTS, layout.CURVE)
+    assert same_files(tmp_path, trained[0], MODEL_WEIGHTS, CURVE)
     assert capsys.readouterr().out.count("is damaged") == len(torn)
 
 

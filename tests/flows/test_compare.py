@@ -13,7 +13,7 @@ from aug3d_core.store import layout
 from aug3d_core.store.published import publish
 from aug3d_core.store.store import Store
 from flows.cli import app
-from tasks.outbox import Entry, put, waiting
+from tasks.mlflow_outbox import Entry, put, waiting
 from tests.tasks.logged import version
 
 

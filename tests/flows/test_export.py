@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from store.little_store import add_object
 from typer.testing import CliRunner
 
-from aug3d_core.formats import export
+from aug3d_core.export import folder_formats as export
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
+from tests.store.little_store import add_object
 
 
 @pytest.mark.parametrize("form", ["colmap", "nerfstudio"])

@@ -7,21 +7,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_up_stages import Stages
 from rich.console import Console
 from typer.testing import CliRunner
 
-from aug3d_core.charts.comparison import compare, side
-from aug3d_core.errors import StageFailed
-from aug3d_core.make import Material
-from aug3d_core.scene_config import scene_config
-from aug3d_core.stages import FROM_PHOTOS, GROUPING
+from aug3d_core.factory.config import scene_config
+from aug3d_core.factory.material import Material
+from aug3d_core.factory.stages import FROM_PHOTOS, GROUPING
+from aug3d_core.factory.walk import planned
+from aug3d_core.metrics.comparison import compare, side
+from aug3d_core.run.errors import StageFailed
 from aug3d_core.store import layout
 from aug3d_core.store.published import held_back
 from aug3d_core.store.store import Store
 from flows.cli import app
 from flows.display import Display
-from flows.plan import planned
+from tests.made_up_stages import Stages
+from tests.stand_in_stages import MADE, fold_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 LATER = [stage.name for stage in FROM_PHOTOS[FROM_PHOTOS.index(GROUPING) :]]
@@ -31,7 +32,7 @@ FOLDS = 3
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
     stand_in = Stages(FOLDS)
-    monkeypatch.setattr("tasks.objects.make", stand_in.make)
+    monkeypatch.setattr("tasks.build_task.build", stand_in.build)
     return stand_in
 
 
@@ -58,8 +59,8 @@ def test_a_small_scene_is_made_fold_by_fold_and_judged_on_all(
     assert metrics["nvs"]["test_views"] == 2 * FOLDS and metrics["nvs"]["fold_psnr_means"] == [20, 21, 22]
     assert metrics["nvs"]["test_psnr_mean"] == 21 and metrics["nvs"]["test_psnr_ci"][0] < 21
     for fold in (1, 2):
-        made = Path(metrics["paths"]["objects"][f"dataset_fold{fold}"]) / "made.txt"
-        assert made.read_text() == f"fold {fold}"
+        made = Path(metrics["paths"]["objects"][f"dataset_fold{fold}"]) / MADE
+        assert json.loads(made.read_text())["grouping"]["fold"] == fold
     assert metrics["mlflow"]["run_id"] and metrics["flow_run"]["id"] and not metrics["mlflow"]["waiting"]
     depths = [row for row in metrics["needs"] if row["by"] == "auto"]
     assert [(row["step"], row["value"]) for row in depths] == [
@@ -94,7 +95,7 @@ def test_a_dry_run_and_show_know_the_folds(stages: Stages, folder: Path, tmp_pat
     assert "a scene that turns out to be small is made in folds" in before.output and "_fold1" not in before.output
     run(home, folder)
     plan = list(planned(Store(home), Material(photos=folder), scene_config("tiny")))
-    assert plan[-1][0].name == "evaluation_fold2" and all(record for _, record in plan)
+    assert plan[-1].step.name == "evaluation_fold2" and all(visit.record for visit in plan)
     after = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
     assert {"stage": "depth_fold1", "cached": True} in after
     shown = runner.invoke(app, ["show", "little", "--home", str(home)])
@@ -103,13 +104,13 @@ def test_a_dry_run_and_show_know_the_folds(stages: Stages, folder: Path, tmp_pat
 
 
 def test_a_fold_that_fails_ends_the_run_and_leaves_no_figure(stages: Stages, folder: Path, tmp_path: Path) -> None:
-    stages.fails = ("surface", 1)
-    with pytest.raises(StageFailed, match="no surface in fold 1"):
+    stages.fails = lambda stage, made: "refused: no surface" if (stage, fold_of(made)) == ("surface", 1) else ""
+    with pytest.raises(StageFailed, match="no surface"):
         run(tmp_path / "home", folder)
     shown = json.loads(CliRunner().invoke(app, ["show", "little", "--home", str(tmp_path / "home"), "--json"]).stdout)
     assert shown["state"] == "refused" and "nvs" not in shown
     assert "evaluation" in shown["stages"] and list(shown["stages"])[-1] == "depth_fold1"
-    stages.fails = None
+    stages.fails = lambda stage, made: ""
     stages.computed.clear()
     assert run(tmp_path / "home", folder)["nvs"]["test_views"] == 6
     assert "evaluation" in stages.computed and stages.computed.count("grouping") == 1, "what was made is kept"

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from store.little_store import add_object, add_version
 from typer.testing import CliRunner
 
 from aug3d_core.store.store import Store
 from flows.cli import app
+from tests.store.little_store import add_object, add_version
 
 
 def invoke(*arguments: str | Path, says: str | None = None):
@@ -109,7 +109,9 @@ def test_a_version_that_cannot_be_read_is_named_and_nothing_goes(store: Store) -
 def test_a_run_that_would_not_fit_is_refused_before_anything_is_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("aug3d_core.store.room.shutil.disk_usage", lambda _: SimpleNamespace(free=300 * 2**20))
+    monkeypatch.setattr(
+        "aug3d_core.factory.disk_estimate.shutil.disk_usage", lambda _: SimpleNamespace(free=300 * 2**20)
+    )
     done = CliRunner().invoke(app, ["demo", "--home", str(tmp_path), "--json"])
     assert done.exit_code == 1
     failure = json.loads(done.stdout)["failure"]

@@ -35,8 +35,7 @@ def test_a_scene_without_a_model(tmp_path: Path) -> None:
 def test_a_model_whose_files_are_gone(tmp_path: Path) -> None:
     store = Store(tmp_path)
     version = new_version(store, "gone")
-    paths = version_paths(store, version, {}) | {"objects": {"dataset": str(tmp_path / "objects/dataset/k/files")}}
-    write_metrics(version, {"scene": "gone", "paths": paths})
+    write_metrics(version, {"scene": "gone", "objects": {"dataset": {"stage": "dataset", "key": "k"}}})
     done = invoke("gone", "--home", tmp_path)
     assert done.exit_code == 1
     assert "the dataset of scene 'gone' is gone" in done.output

@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from aug3d_core.errors import StoreError
+from aug3d_core.run.errors import StoreError
 from flows.preflight import check_servers
 
 

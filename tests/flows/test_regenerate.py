@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_up_stages import Stages
 
-from aug3d_core.registry.entry import SceneEntry
-from aug3d_core.registry.files import scene_file, write_scene
-from aug3d_core.stages import FROM_PHOTOS
+from aug3d_core.factory.stages import FROM_PHOTOS
+from aug3d_core.scene_files.entry import SceneEntry
+from aug3d_core.scene_files.files import scene_file, write_scene
 from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.store import Store
+from tests.made_up_stages import Stages
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 
@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
     stand_in = Stages(folds=1)
-    monkeypatch.setattr("tasks.objects.make", stand_in.make)
+    monkeypatch.setattr("tasks.build_task.build", stand_in.build)
     return stand_in
 
 
@@ -111,7 +111,7 @@ def test_a_scene_that_fails_does_not_stop_the_others(stages: Stages, store: Stor
     assert end.is_failed() and "2 of 3 scenes were not published: a_torn, b_gone" in (end.message or "")
     assert published(store, "c_good") and not published(store, "b_gone")
     again = batch(["c_good"], return_state=True)
-    assert again.is_completed() and "1 scenes are as they should be" in (again.message or "")
+    assert again.is_completed() and "1 scenes are up to date" in (again.message or "")
     made = runs_of("c_good")
     assert made and all(run.tags == ["aug3d"] for run in made), "the worker knows parts of a run as ours"
-    assert "no scene 'nowhere'" in (batch(["nowhere"], return_state=True).message or "")
+    assert "'nowhere' is not registered" in (batch(["nowhere"], return_state=True).message or "")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from aug3d_core.registry import SceneEntry, Schedule, read_scene
+from aug3d_core.scene_files import SceneEntry, Schedule, read_scene
 from aug3d_core.store.published import publish
 from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from aug3d_core.errors import StoreError, UsageError
-from aug3d_core.parent import SUPERVISED
+from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.linux_process import SUPERVISED
 from flows import services
 from flows.preflight import check_servers
 from flows.services import MLFLOW, PASSWORD, PREFECT, WORKER, Serving, serving_from

@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from study.stand_in import Made, Stages, finished_scene
 from typer.testing import CliRunner
 
 from aug3d_core.store import layout
 from flows.cli import app
+from tests.stand_in_stages import Made
+from tests.studies.paper.stand_in import Stages, finished_scene
 
 
 def invoke(*arguments: str | Path):
@@ -20,7 +21,7 @@ def invoke(*arguments: str | Path):
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
     stand_in = Stages()
-    monkeypatch.setattr("aug3d_core.study.cell.make", stand_in.make)
+    monkeypatch.setattr("tasks.build_task.build", stand_in.build)
     return stand_in
 
 
@@ -35,7 +36,6 @@ def test_a_scene_that_is_not_there_is_named(study: str, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (("--set", "training.step=5"), "no field 'step'"),
-        (("--set", "grouping.test_share=0.4"), "another test than scene 'little'"),
         (("--preset", "huge"), "'huge'"),
         (("--seeds", "0"), "--seeds"),
     ],
@@ -45,6 +45,15 @@ def test_wrong_use_is_refused(words: tuple[str, ...], said: str, stages: Stages,
     done = invoke("grouping", "little", "--home", tmp_path, "--quick", *words)
     assert done.exit_code == 2
     assert said in done.output.replace("\n", "")
+    assert not (tmp_path / layout.STUDIES).exists() and "training" not in stages.computed
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("prefect")
+def test_settings_that_change_the_test_are_refused(stages: Stages, tmp_path: Path) -> None:
+    finished_scene(tmp_path)
+    done = invoke("grouping", "little", "--home", tmp_path, "--quick", "--set", "grouping.test_share=0.4")
+    assert done.exit_code == 2 and "another test than scene 'little'" in done.output.replace("\n", "")
     assert not (tmp_path / layout.STUDIES).exists() and "training" not in stages.computed
 
 
@@ -82,7 +91,7 @@ def test_a_study_ends_with_a_table_a_folder_and_nested_runs(stages: Stages, tmp_
     stages.fails = lambda stage, made: ""
     (tmp_path / layout.MLFLOW_DATABASE).write_text("this is not a database, but it is longer than a header")
     again = invoke("grouping", "little", "--home", tmp_path, "--quick")
-    assert "was not told of this study" in again.output.replace("\n", "")
+    assert "was not logged to MLflow" in again.output.replace("\n", "")
     assert again.exit_code == 0 and "2 of 2" not in again.output
     assert stages.computed.count("training") == 2, "only the cells that it lacked"
     assert "K 10 is better" not in again.output and "Groups by shared points are better" in again.output

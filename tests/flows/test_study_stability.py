@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from aug3d_core.bench.trial import Say
-from aug3d_core.stability.cell import Cell, Result
+from aug3d_core.factory.walk import Make
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
+from aug3d_core.studies.common.cell import Cell
+from aug3d_core.studies.common.trial import Trial
+from aug3d_core.studies.stability.cell import Dosed, StabilityResult
 from flows.cli import app
 
 
@@ -21,14 +23,18 @@ def invoke(*arguments: str | Path):
     return CliRunner().invoke(app, ["study", "stability", *(str(argument) for argument in arguments)])
 
 
-def sound(_store: Store, cell: Cell, _say: Say) -> Result:
-    judge = cell.perturbation.judge
-    return Result(cell, {}, judge.mark, "ok")
+def sound(_store: Store, cell: Cell[Dosed], _make: Make) -> StabilityResult:
+    judge = cell.arm.perturbation.judge
+    return StabilityResult(cell, Trial({}), judge.mark, "ok")
 
 
 @pytest.fixture
-def cells(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Store, Cell, Say], Result]], None]:
-    return lambda run: monkeypatch.setattr("aug3d_core.stability.run.run_cell", run)
+def cells(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Store, Cell[Dosed], Make], StabilityResult]], None]:
+    def replace(make_cell: Callable[[Store, Cell[Dosed], Make], StabilityResult]) -> None:
+        monkeypatch.setattr("aug3d_core.studies.stability.cell.make_cell", make_cell)
+        monkeypatch.setattr("flows.study_run.make_cell", make_cell)
+
+    return replace
 
 
 def test_a_perturbation_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -64,8 +70,8 @@ def test_it_ends_with_counts_a_folder_and_nested_runs(cells, fresh_mlflow: Path,
 @pytest.mark.slow
 @pytest.mark.usefixtures("prefect")
 def test_a_silent_failure_is_said_aloud(cells, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("tasks.study_stability.log_stability", lambda *_: "")
-    cells(lambda store, cell, say: Result(cell, {}, None, "ok"))
+    monkeypatch.setattr("tasks.studies.log_study", lambda *_: "")
+    cells(lambda store, cell, make: StabilityResult(cell, Trial({}), None, "ok"))
     done = invoke("--only", "terraces", "--seeds", 1, "--home", tmp_path)
     assert done.exit_code == 3
     assert "silent: terraces" in done.output and "SILENT" in done.output
@@ -74,13 +80,13 @@ def test_a_silent_failure_is_said_aloud(cells, monkeypatch: pytest.MonkeyPatch, 
 @pytest.mark.slow
 @pytest.mark.usefixtures("prefect")
 def test_the_flow_of_the_prefect_ui_says_the_same(cells, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from flows.stability_run import stability
+    from flows.study_run import stability
 
-    monkeypatch.setattr("flows.stability_run.log_stability", lambda *_: "MLflow is away")
+    monkeypatch.setattr("flows.study_run.log_study", lambda *_: "MLflow is away")
     monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
     cells(sound)
     well = stability(["terraces"], seeds=1, return_state=True)
     assert well.is_completed() and "none silent" in (well.message or "") and "MLflow is away" in (well.message or "")
-    cells(lambda store, cell, say: Result(cell, {}, None, "ok"))
+    cells(lambda store, cell, make: StabilityResult(cell, Trial({}), None, "ok"))
     ill = stability(["terraces"], seeds=1, return_state=True)
     assert ill.is_failed() and "silent failures" in (ill.message or "")

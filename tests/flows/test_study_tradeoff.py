@@ -7,12 +7,13 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tradeoff.stand_in import Made, Stages, stand_in
 from typer.testing import CliRunner
 
 from aug3d_core.store import layout
 from flows.cli import app
 from flows.study_tradeoff import worst
+from tests.stand_in_stages import Made
+from tests.studies.tradeoff.stand_in import Stages, stand_in
 
 
 def invoke(*arguments: str | Path):
@@ -21,7 +22,9 @@ def invoke(*arguments: str | Path):
 
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
-    return stand_in(monkeypatch)
+    stages = stand_in(monkeypatch)
+    monkeypatch.setattr("tasks.build_task.build", stages.build)
+    return stages
 
 
 @pytest.mark.parametrize(

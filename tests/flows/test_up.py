@@ -18,14 +18,14 @@ from pathlib import Path
 import psutil
 import pytest
 from filelock import FileLock
-from tests_support import hear_signals
 from typer.testing import CliRunner
 
-from aug3d_core.errors import StoreError
+from aug3d_core.run.errors import StoreError
 from flows.cli import app
 from flows.services import PASSWORD, WORKER, Serving
 from flows.supervisor import Supervised
 from flows.up import check_ports, check_that_password_is_taken
+from tests.tests_support import hear_signals
 
 # A worker that is ready at once, has a process of its own, and lives until it is killed.
 _WORKER = """

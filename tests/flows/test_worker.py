@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from aug3d_core.registry.entry import SceneEntry
-from aug3d_core.registry.files import remove_scene, scene_file, write_scene
-from aug3d_core.registry.schedule import Schedule
+from aug3d_core.scene_files.entry import SceneEntry
+from aug3d_core.scene_files.files import remove_scene, scene_file, write_scene
+from aug3d_core.scene_files.schedule import Schedule
 from aug3d_core.store.store import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
@@ -92,7 +92,7 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
 
     from flows import worker
     from flows.deployments import of_scene
-    from tasks.alive import alive
+    from tasks.run_locks import run_lock
 
     monkeypatch.setattr(worker, "_PAGE", 1)
 
@@ -108,7 +108,7 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
             runs.append(await client.create_flow_run_from_deployment(deployment, state=Running()))
             for others in ({"parameters": {"home": "/elsewhere"}, "tags": ["aug3d"]}, {"tags": ["theirs"]}):
                 runs.append(await client.create_flow_run(nothing, state=Running(), **others))
-            with alive(store.root, str(runs[3].id)):
+            with run_lock(store.root, str(runs[3].id)):
                 await worker.take_over(client, store)
             return [(await client.read_flow_run(made.id)).state.name for made in runs]
 

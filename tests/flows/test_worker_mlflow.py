@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from aug3d_core.store.store import Store
-from tasks.outbox import Entry, put, waiting
+from tasks.mlflow_outbox import Entry, put, waiting
 from tests.tasks.logged import version
 
 

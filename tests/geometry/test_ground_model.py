@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.ground_model import GroundModel, fit_ground
-from aug3d_core.testbed.terrain import Terrain
+from aug3d_core.run.errors import InputError
+from aug3d_core.town.generator.terrain import Terrain
 
 Height = Callable[[np.ndarray], np.ndarray]
 

@@ -20,12 +20,12 @@ from typing import Any
 
 import psutil
 import pytest
-from infra.postgres import Postgres, free_port
-from tests_support import hear_signals
 from typer.testing import CliRunner
 
 from flows.cli import app
 from flows.services import PASSWORD
+from tests.infra.postgres import Postgres, free_port
+from tests.tests_support import hear_signals
 
 pytestmark = pytest.mark.slow
 SECRET = "correct horse battery"

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from journeys.small_town import OVERRIDES
+
+from tests.journeys.small_town import OVERRIDES
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -21,12 +21,12 @@ from urllib.request import Request, urlopen
 import psutil
 import pytest
 import yaml
-from journeys.small_town import SETTINGS
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as NoAnswer
-from tests_support import hear_signals
 
 from aug3d_core.store import layout
+from tests.journeys.small_town import SETTINGS
+from tests.tests_support import hear_signals
 
 CHROMIUM = shutil.which("chromium")
 SHOTS = Path("test-output") / "daily_use"

@@ -13,9 +13,10 @@ from typing import Any
 
 import psutil
 import pytest
-from journeys.small_town import OVERRIDES
 
-from aug3d_core.stages import FROM_TOWN, STAGES
+from aug3d_core.factory.stages import FROM_TOWN, STAGES
+from aug3d_core.run.metric import spec_of
+from tests.journeys.small_town import OVERRIDES
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 
@@ -42,6 +43,8 @@ def test_the_factory_ends_with_a_psnr_and_its_files(first: dict[str, Any]) -> No
     assert list(first["stages"]) == [stage.name for stage in FROM_TOWN]
     assert computed(first) == set(first["stages"])
     for name, figures in first["stages"].items():
+        undeclared = [metric for metric in figures["metrics"] if not spec_of(metric, STAGES[name].metrics)]
+        assert not undeclared, f"declare the figures of {name} in its declared.py: {undeclared}"
         assert figures["seconds"] > 0 and figures["peak_mib"] > 0
         assert STAGES[name].accuracy in figures["metrics"], f"{name} reports its accuracy figure"
     nvs = first["nvs"]

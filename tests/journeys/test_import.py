@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
 
-from aug3d_core.formats.cameras import world_from_gl
+from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.transforms import homogeneous
+from tests.engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 

@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from journeys.test_demo import computed
-from journeys.test_demo import run as run_demo
 
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.run.files import FILES
+from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store import layout
+from tests.journeys.test_demo import computed
+from tests.journeys.test_demo import run as run_demo
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(2400)]
 
@@ -84,8 +87,8 @@ def same_tests(home: Path, told: dict[str, Any]) -> int:
     """Return how many different tests the cells were given: split, targets, and the inputs of each."""
     tests = set()
     for cell in told["cells"]:
-        files = home / layout.OBJECTS / "grouping" / cell["objects"]["grouping"] / layout.FILES
-        with np.load(files / layout.GROUPS) as groups:
+        files = home / layout.OBJECTS / "grouping" / cell["objects"]["grouping"] / FILES
+        with np.load(files / GROUPS) as groups:
             inputs = groups["test_members"][:, :4].tobytes()
-        tests.add((inputs, pd.read_parquet(files / layout.SPLIT_TABLE)["role"].str.cat(sep=" ")))
+        tests.add((inputs, pd.read_parquet(files / SPLIT_TABLE)["role"].str.cat(sep=" ")))
     return len(tests)

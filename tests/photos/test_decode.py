@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from photos.photo_files import pixels, write_photo
 from PIL import ExifTags, Image, ImageFilter
 
 from aug3d_core.photos import decode as module
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.decode import RejectedError, decode, measure_sharpness
+from tests.photos.photo_files import pixels, write_photo
 
 
 def decoded(path: Path, tmp_path: Path, **config: int) -> module.Decoded:

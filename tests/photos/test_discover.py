@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.errors import InputError
 from aug3d_core.photos.discover import find_photos, folder_digest, natural_key
+from aug3d_core.run.errors import InputError
 
 
 def touch(folder: Path, *names: str) -> None:

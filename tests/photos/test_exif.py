@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from photos.photo_files import degrees, write_photo
 from PIL import ExifTags, Image
 from PIL.TiffImagePlugin import IFDRational
 
 from aug3d_core.photos.exif import Exif, read_exif
+from tests.photos.photo_files import degrees, write_photo
 
 TAG = ExifTags.Base
 GPS = ExifTags.GPS

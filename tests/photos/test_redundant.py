@@ -12,15 +12,15 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from photos.photo_files import pixels
 from PIL import Image
 
-from aug3d_core.errors import InputError
 from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.files import read_photos
 from aug3d_core.photos.redundant import image_motion
 from aug3d_core.photos.stage import run
-from aug3d_core.photos.table import read_photos
-from aug3d_core.stage import Outcome
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Outcome
+from tests.photos.photo_files import pixels
 
 WIDTH, HEIGHT = 256, 192
 GROUND = np.asarray(pixels(3, (1200, 400)).convert("L"))  # what is flown over

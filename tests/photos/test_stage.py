@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from photos.photo_files import degrees, write_photo
 from PIL import ExifTags, Image
 from PIL.TiffImagePlugin import IFDRational
 
-from aug3d_core.errors import InputError
 from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.files import read_photos
 from aug3d_core.photos.stage import run
-from aug3d_core.photos.table import read_photos
-from aug3d_core.stage import Outcome
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Outcome
+from tests.photos.photo_files import degrees, write_photo
 
 TAG = ExifTags.Base
 GPS = ExifTags.GPS

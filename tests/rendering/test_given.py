@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.rendering.given import find_mesh, read_cameras
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.surface.files import MESH, MESH_TEXTURE, TEXTURED_MESH
 
 
 def cameras(**changes) -> dict[str, np.ndarray]:
@@ -70,21 +70,21 @@ def test_a_torn_camera_file_is_named(tmp_path):
 
 def coloured(folder: Path, triangles: int = 1) -> None:
     corners = np.array([[0, 1, 2]] * triangles, np.int32).reshape(-1, 3)
-    Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 3), np.uint8), corners).save(folder / layout.MESH)
+    Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 3), np.uint8), corners).save(folder / MESH)
 
 
 def textured(folder: Path, triangles: int = 1) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
     corners = np.array([[0, 1, 2]] * triangles, np.int32).reshape(-1, 3)
     mesh = TexturedMesh(np.eye(3), corners, np.zeros((triangles, 3, 2)), picture)
-    mesh.save(folder / layout.TEXTURED_MESH, folder / layout.MESH_TEXTURE)
+    mesh.save(folder / TEXTURED_MESH, folder / MESH_TEXTURE)
 
 
 def test_a_mesh_is_found_with_its_texture_if_it_has_one(tmp_path):
     coloured(tmp_path)
     assert find_mesh(tmp_path).texture is None
     textured(tmp_path)
-    assert find_mesh(tmp_path).texture == tmp_path / layout.MESH_TEXTURE
+    assert find_mesh(tmp_path).texture == tmp_path / MESH_TEXTURE
 
 
 @pytest.mark.parametrize("make", [coloured, textured])
@@ -94,9 +94,9 @@ def test_an_empty_mesh_is_refused(tmp_path, make):
         find_mesh(tmp_path)
 
 
-@pytest.mark.parametrize("name", [layout.MESH, layout.TEXTURED_MESH])
+@pytest.mark.parametrize("name", [MESH, TEXTURED_MESH])
 def test_a_torn_mesh_is_named(tmp_path, name):
-    coloured(tmp_path) if name == layout.MESH else textured(tmp_path)
+    coloured(tmp_path) if name == MESH else textured(tmp_path)
     (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-40])
     with pytest.raises(InputError, match=f"the mesh {name} cannot be read"):
         find_mesh(tmp_path)
@@ -109,7 +109,7 @@ def test_a_missing_mesh_is_named(tmp_path):
 
 def test_a_missing_texture_is_named(tmp_path):
     textured(tmp_path)
-    (tmp_path / layout.MESH_TEXTURE).unlink()
+    (tmp_path / MESH_TEXTURE).unlink()
     with pytest.raises(InputError, match=r"the texture mesh_texture\.png cannot be read"):
         find_mesh(tmp_path)
 
@@ -117,14 +117,14 @@ def test_a_missing_texture_is_named(tmp_path):
 @pytest.mark.parametrize("keep", [8, 40, 3000])
 def test_a_torn_texture_is_named(tmp_path, keep):
     textured(tmp_path)
-    torn = (tmp_path / layout.MESH_TEXTURE).read_bytes()[:keep]
-    (tmp_path / layout.MESH_TEXTURE).write_bytes(torn)
+    torn = (tmp_path / MESH_TEXTURE).read_bytes()[:keep]
+    (tmp_path / MESH_TEXTURE).write_bytes(torn)
     with pytest.raises(InputError, match=r"the texture mesh_texture\.png cannot be read"):
         find_mesh(tmp_path)
 
 
 def test_a_texture_that_is_no_picture_is_named(tmp_path):
     textured(tmp_path)
-    (tmp_path / layout.MESH_TEXTURE).write_text("a note")
+    (tmp_path / MESH_TEXTURE).write_text("a note")
     with pytest.raises(InputError, match=r"the texture mesh_texture\.png cannot be read"):
         find_mesh(tmp_path)

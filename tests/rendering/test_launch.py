@@ -7,7 +7,7 @@ import pytest
 from aug3d_core.rendering import launch
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, ViewDone
 from aug3d_core.rendering.launch import Spent, render
-from aug3d_core.worker import WorkerDied
+from aug3d_core.run.helper_process import WorkerDied
 
 VIEWS = 3  # in each shard
 

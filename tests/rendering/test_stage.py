@@ -7,14 +7,16 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from aug3d_core.errors import InputError
+from aug3d_core.domes.files import CAMERAS
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.rendering import stage
 from aug3d_core.rendering.config import RenderingConfig
+from aug3d_core.rendering.files import RENDER_TABLE, SHARDS
 from aug3d_core.rendering.job import Emission, Sunlit
 from aug3d_core.rendering.launch import Spent
 from aug3d_core.rendering.probe import Chosen
-from aug3d_core.store import layout
+from aug3d_core.run.errors import InputError
+from aug3d_core.surface.files import MESH, MESH_TEXTURE, TEXTURED_MESH
 
 WIDTH, HEIGHT = 11, 7
 
@@ -58,16 +60,14 @@ def renderer(monkeypatch) -> Renderer:
 def plan(folder: Path, views: int) -> dict[str, Path]:
     folder.mkdir(exist_ok=True)
     np.savez(
-        folder / layout.CAMERAS,
+        folder / CAMERAS,
         view_id=np.arange(views),
         dome_id=np.arange(views) // 4,
         world_from_cam=np.tile(np.eye(4), (views, 1, 1)),
         intrinsics=np.tile([10.0, 10.0, WIDTH / 2, HEIGHT / 2], (views, 1)),
         size=np.tile([WIDTH, HEIGHT], (views, 1)),
     )
-    Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 3), np.uint8), np.array([[0, 1, 2]], np.int32)).save(
-        folder / layout.MESH
-    )
+    Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 3), np.uint8), np.array([[0, 1, 2]], np.int32)).save(folder / MESH)
     return {"sampling": folder, "surface": folder}
 
 
@@ -78,7 +78,7 @@ def run(tmp_path: Path, views: int = 12, **config):
     outcome = stage.run(
         plan(tmp_path / "in", views), RenderingConfig(views_per_shard=4, **config), out, lambda *p: told.append(p)
     )
-    return outcome, pd.read_parquet(out / layout.RENDER_TABLE), told
+    return outcome, pd.read_parquet(out / RENDER_TABLE), told
 
 
 def test_views_are_dropped_with_a_reason(renderer, tmp_path):
@@ -124,7 +124,7 @@ def test_the_light_is_the_configuration_s(renderer, tmp_path):
 def test_shards_that_exist_are_not_rendered_again(renderer, tmp_path):
     first, table, _ = run(tmp_path)
     assert renderer.asked == ["0000.npz", "0001.npz", "0002.npz"]
-    (tmp_path / "out" / layout.SHARDS / "0001.npz").unlink()
+    (tmp_path / "out" / SHARDS / "0001.npz").unlink()
     _, again, told = run(tmp_path)
     assert renderer.asked[3:] == ["0001.npz"]
     assert [done for done, _, what in told if what == "views rendered"] == [8, 9, 10, 11, 12]
@@ -137,7 +137,7 @@ def test_shards_that_exist_are_not_rendered_again(renderer, tmp_path):
 @pytest.mark.parametrize("torn", [b"", b"PK", bytes(4000)])
 def test_shards_that_a_power_cut_tore_are_rendered_again(renderer, tmp_path, torn):
     _, table, _ = run(tmp_path)
-    (tmp_path / "out" / layout.SHARDS / "0001.npz").write_bytes(torn)
+    (tmp_path / "out" / SHARDS / "0001.npz").write_bytes(torn)
     _, again, _ = run(tmp_path)
     assert renderer.asked[3:] == ["0001.npz"]
     pd.testing.assert_frame_equal(table, again)
@@ -160,7 +160,7 @@ def test_an_empty_plan_is_an_answer(renderer, tmp_path):
     full = run(tmp_path)[1]
     (tmp_path / "again").mkdir()
     outcome, table, _ = run(tmp_path / "again", views=0)
-    assert outcome.state == "ok" and "photographs alone" in outcome.notes[0]
+    assert outcome.state == "ok" and "photographs only" in outcome.notes[0]
     assert outcome.metrics["views"] == 0 and len(table) == 0
     assert list(table.columns) == list(full.columns)
     assert table["kept"].dtype == bool
@@ -169,16 +169,16 @@ def test_an_empty_plan_is_an_answer(renderer, tmp_path):
 
 def test_an_empty_plan_asks_for_no_mesh(renderer, tmp_path):
     inputs = plan(tmp_path / "in", 0)
-    (tmp_path / "in" / layout.MESH).unlink()
+    (tmp_path / "in" / MESH).unlink()
     assert stage.run(inputs, RenderingConfig(), tmp_path, lambda *_: None).metrics["views"] == 0
 
 
 def test_the_texture_is_used_when_there_is_one(renderer, tmp_path):
     run(tmp_path)
     folder = tmp_path / "in"
-    assert (renderer.jobs[0].meshes[0].path, renderer.jobs[0].meshes[0].texture) == (folder / layout.MESH, None)
-    np.savez(folder / layout.TEXTURED_MESH, vertices=np.eye(3), triangles=[[0, 1, 2]], uv=np.zeros((1, 3, 2)))
-    Image.new("RGB", (4, 4)).save(folder / layout.MESH_TEXTURE)
+    assert (renderer.jobs[0].meshes[0].path, renderer.jobs[0].meshes[0].texture) == (folder / MESH, None)
+    np.savez(folder / TEXTURED_MESH, vertices=np.eye(3), triangles=[[0, 1, 2]], uv=np.zeros((1, 3, 2)))
+    Image.new("RGB", (4, 4)).save(folder / MESH_TEXTURE)
     run(tmp_path)
     mesh = renderer.jobs[1].meshes[0]
-    assert (mesh.path, mesh.texture) == (folder / layout.TEXTURED_MESH, folder / layout.MESH_TEXTURE)
+    assert (mesh.path, mesh.texture) == (folder / TEXTURED_MESH, folder / MESH_TEXTURE)

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.geodesy import geodetic_from_enu
+from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.coarse import Compare
 from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.sfm.pairs import (

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from PIL import Image, ImageFilter
 
+from aug3d_core.photos.files import image_name
 from aug3d_core.sfm.unplaced import BARE, BLURRED, ISLAND, NO_OVERLAP, unplaced_notes, unplaced_table
-from aug3d_core.store import layout
 
 PLACED = 6
 
@@ -26,7 +26,7 @@ def images(tmp_path: Path) -> Path:
             image = Image.fromarray(np.full((120, 160), 128, np.uint8))
         if photo_id == 8:
             image = image.filter(ImageFilter.GaussianBlur(4))
-        image.convert("RGB").save(tmp_path / layout.image_name(photo_id))
+        image.convert("RGB").save(tmp_path / image_name(photo_id))
     return tmp_path
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from aug3d_core.run.files import FILES
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -22,9 +23,9 @@ _FIELDS = {
 def add_object(store: Store, stage: str, key: str, size_bytes: int = 1000, **fields: Any) -> Record:
     """Commit an object of two files, one of them of the given size."""
     work = store.work_dir(stage, key)
-    (work / layout.FILES / "sub").mkdir(parents=True)
-    (work / layout.FILES / "sub" / "big").write_bytes(bytes(size_bytes))
-    (work / layout.FILES / "small").write_text(key)
+    (work / FILES / "sub").mkdir(parents=True)
+    (work / FILES / "sub" / "big").write_bytes(bytes(size_bytes))
+    (work / FILES / "small").write_text(key)
     return store.commit(work, stage, key, {**_FIELDS, **fields})
 
 
@@ -35,8 +36,7 @@ def add_version(store: Store, scene: str, name: str, objects: Iterable[tuple[str
     (folder / layout.REPORT).write_text("a report")
     steps = {f"{stage}_fold{i}": (stage, key) for i, (stage, key) in enumerate(objects)}
     told: dict[str, Any] = {"scene": scene, "state": "refused" if failed else "ok", "preset": "tiny"}
-    # a version that was written where the store was before it was moved
-    told["paths"] = {"objects": {step: f"/moved/objects/{s}/{key}/files" for step, (s, key) in steps.items()}}
+    told["objects"] = {step: {"stage": s, "key": key} for step, (s, key) in steps.items()}
     told |= {"failure": {"problem": "p", "remedy": "r"}} if failed else {}
     (folder / layout.METRICS).write_text(json.dumps(told))
     return folder

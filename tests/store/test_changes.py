@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from aug3d_core.stages import PHOTOS, TRAINING
-from aug3d_core.store import layout
+from aug3d_core.factory.stages import PHOTOS, TRAINING
+from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.store.changes import why_made
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -60,5 +60,5 @@ def test_photographs_that_came_went_and_changed_are_named(now: dict[str, str], t
     for made, rows in ((first, {"a": "1", "b": "2", "c": "3"}), (second, now)):
         store.files_dir(made).mkdir(parents=True)
         table = pd.DataFrame({"name": rows.keys(), "sha256": rows.values()})
-        table.to_parquet(store.files_dir(made) / layout.PHOTO_TABLE)
+        table.to_parquet(store.files_dir(made) / PHOTO_TABLE)
     assert why_made(store, PHOTOS, second, first) == (told,)

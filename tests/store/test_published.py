@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import RULES, held_back, publish, published
 from aug3d_core.store.scenes import new_version, write_metrics

@@ -14,14 +14,15 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from store.little_store import add_object, add_study, add_version, make_old
 
-from aug3d_core.errors import StoreError, UsageError
+from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.files import FILES, JOB, LOG
 from aug3d_core.store import layout, retention
 from aug3d_core.store.published import publish
 from aug3d_core.store.retention import drop, plan, plan_for_scene
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import objects_of, studies, versions
+from tests.store.little_store import add_object, add_study, add_version, make_old
 
 KEYS = [("photos", "a"), ("sfm", "b"), ("sfm", "c"), ("training", "d"), ("training", "e"), ("dataset", "f")]
 some_objects = st.lists(st.sampled_from(KEYS), max_size=4, unique=True)
@@ -98,13 +99,13 @@ def test_what_a_killed_run_may_go_on_from_stays_for_its_hours(tmp_path: Path) ->
     work, failure = store.work_dir("sfm", "w"), store.failure_dir("sfm", "f")
     for folder in (work, failure):
         folder.mkdir(parents=True)
-        (folder / layout.JOB).write_text("{}")
+        (folder / JOB).write_text("{}")
     collect(store, keep_hours=24)
     assert there(store) == {KEYS[0]} and work.exists() and failure.exists()
     assert len(plan(store, 3, 24).young) == 3
     for folder in (store.object_dir(*KEYS[0]), work, failure):
         make_old(folder)
-    (work / layout.LOG).write_text("it was touched again")
+    (work / LOG).write_text("it was touched again")
     collect(store, keep_hours=24)
     assert not there(store) and not failure.exists() and work.exists()
     collect(store, keep_hours=0)
@@ -133,19 +134,6 @@ def test_an_object_that_someone_makes_after_all_stays(tmp_path: Path) -> None:
     with store.lock(*KEYS[0]), pytest.raises(StoreError, match="another process is making photos a"):
         drop(store, goes)
     assert there(store) == {KEYS[0]}
-
-
-def test_prefects_memory_of_an_object_goes_with_it(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    results = store.root / layout.PREFECT_RESULTS
-    results.mkdir(parents=True)
-    add_object(store, *KEYS[0])
-    add_object(store, *KEYS[1])
-    add_version(store, "demo", "1", [KEYS[1]])
-    for stage, key in KEYS[:2]:
-        (results / f"{stage}-{key}").write_text("{}")
-    collect(store)
-    assert [path.name for path in results.iterdir()] == ["sfm-b"]
 
 
 def test_a_version_whose_run_was_killed_before_it_counted_goes(tmp_path: Path) -> None:
@@ -200,7 +188,7 @@ def test_runs_that_come_and_go_never_lose_what_they_found(tmp_path: Path) -> Non
                         add_object(store, "sfm", key)
                         made.append(key)
                 time.sleep(0.002)
-                if not (store.object_dir("sfm", key) / layout.FILES / "small").exists():
+                if not (store.object_dir("sfm", key) / FILES / "small").exists():
                     lost.append(key)
             time.sleep(0.005)
 
@@ -235,7 +223,7 @@ def test_a_deletion_that_is_killed_anywhere_leaves_nothing_that_looks_whole(
 ) -> None:
     store = Store(tmp_path)
     five_versions(store)
-    (store.failure_dir("sfm", "f") / layout.FILES).mkdir(parents=True)
+    (store.failure_dir("sfm", "f") / FILES).mkdir(parents=True)
     delete, done = shutil.rmtree, 0
 
     def killed_half_way(folder: Path, **_: object) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from aug3d_core.store.scenes import masked
+from aug3d_core.store.scenes import masked, step_objects
 
 
 @pytest.mark.parametrize(
@@ -21,3 +21,17 @@ from aug3d_core.store.scenes import masked
 )
 def test_users_and_passwords_of_addresses_are_masked(text: str, shown: str) -> None:
     assert masked(text) == shown
+
+
+_OBJECTS = {"sfm": ("sfm", "c612"), "grouping_fold1": ("grouping", "1696")}
+
+
+def test_a_version_names_the_objects_of_its_steps() -> None:
+    named = {step: {"stage": stage, "key": key} for step, (stage, key) in _OBJECTS.items()}
+    elsewhere = {step: f"/old/objects/{stage}/other/files" for step, (stage, _) in _OBJECTS.items()}
+    assert step_objects({"objects": named, "paths": {"objects": elsewhere}}) == _OBJECTS
+
+
+def test_a_version_of_before_0_7_names_its_objects_by_paths() -> None:
+    paths = {step: f"/moved/since/objects/{stage}/{key}/files" for step, (stage, key) in _OBJECTS.items()}
+    assert step_objects({"paths": {"metrics": "/moved/since/metrics.json", "objects": paths}}) == _OBJECTS

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from aug3d_core.errors import StoreError
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.files import FILES, LOG
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -34,9 +35,9 @@ FIELDS = {
 
 def commit(store: Store, content: str = "hello", key: str = "k1") -> Record:
     work = store.work_dir("photos", key)
-    (work / layout.FILES / "sub").mkdir(parents=True)
-    (work / layout.FILES / "sub" / "a.txt").write_text(content)
-    (work / layout.LOG).write_text("a log does not count")
+    (work / FILES / "sub").mkdir(parents=True)
+    (work / FILES / "sub" / "a.txt").write_text(content)
+    (work / LOG).write_text("a log does not count")
     return store.commit(work, "photos", key, dict(FIELDS))
 
 
@@ -122,7 +123,7 @@ def test_a_failure_that_a_full_disk_cannot_keep_stays_where_it_was(
     store = Store(tmp_path)
     work, mkdir = store.work_dir("photos", "k1"), Path.mkdir
     work.mkdir(parents=True)
-    (work / layout.LOG).write_text("the end")
+    (work / LOG).write_text("the end")
 
     def full(path: Path, *how: object, **more: bool) -> None:
         if path.is_relative_to(tmp_path / layout.FAILURES):
@@ -131,12 +132,12 @@ def test_a_failure_that_a_full_disk_cannot_keep_stays_where_it_was(
 
     monkeypatch.setattr(Path, "mkdir", full)
     assert store.keep_failure(work, "photos", "k1", resumable=resumable) == work
-    assert (work / layout.LOG).read_text() == "the end"
+    assert (work / LOG).read_text() == "the end"
 
 
 def test_a_work_folder_is_not_an_object(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    (store.work_dir("photos", "k1") / layout.FILES).mkdir(parents=True)
+    (store.work_dir("photos", "k1") / FILES).mkdir(parents=True)
     assert store.find("photos", "k1") is None
 
 

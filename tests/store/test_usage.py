@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from store.little_store import add_object, add_study, add_version
 
-from aug3d_core.errors import StoreError
+from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import besides, bytes_under, usage
+from tests.store.little_store import add_object, add_study, add_version
 
 
 def size(store: Store, *objects: tuple[str, str]) -> int:
@@ -74,7 +74,17 @@ def test_links_and_what_they_lead_to_do_not_count(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", ["{", "[]", "{}", '{"paths": {"objects": [1]}}', '{"paths": {"objects": {"sfm": 1}}}']
+    "content",
+    [
+        "{",
+        "[]",
+        "{}",
+        '{"objects": [1]}',
+        '{"objects": {"sfm": 1}}',
+        '{"objects": {"sfm": {"stage": "sfm"}}}',
+        '{"paths": {"objects": [1]}}',
+        '{"paths": {"objects": {"sfm": 1}}}',
+    ],
 )
 def test_a_version_that_cannot_be_read_is_named(content: str, tmp_path: Path) -> None:
     store = Store(tmp_path)

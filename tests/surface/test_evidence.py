@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from aug3d_core.errors import InputError
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.run.errors import InputError
 from aug3d_core.surface.evidence import MIN_POINTS, gather
 
 

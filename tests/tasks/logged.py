@@ -6,15 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.charts.scene_metrics import scene_metrics
-from aug3d_core.errors import Aug3dError
-from aug3d_core.folds import Step, stage_of
-from aug3d_core.nerf.summary import CHEAP
-from aug3d_core.stage import Metric
+from aug3d_core.factory.plan import Step, stage_of
+from aug3d_core.judging.summary import CHEAP
+from aug3d_core.metrics.scene_metrics import scene_metrics
+from aug3d_core.run.errors import Aug3dError
+from aug3d_core.run.files import FILES
+from aug3d_core.run.stage import Metric
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
+from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 
 PICTURES = {"training": {"A panel": "panel.png"}, "evaluation": {"Test views": "panel.png"}}
 SERIES = {"training": {"train_psnr": ((1, 10.0), (2, 20.0)), "train_loss": ((1, 0.2), (2, 0.1))}}
@@ -24,9 +26,9 @@ def made(store: Store, stage: str, key: str, config: Mapping[str, Any], **metric
     """Put an object into the store whose bytes are its key; what is there already is kept."""
     if found := store.find(stage, key):
         return found
-    files = store.work_dir(stage, key) / layout.FILES
+    files = store.work_dir(stage, key) / FILES
     files.mkdir(parents=True)
-    for name in (layout.MODEL_WEIGHTS, layout.MODEL_CONFIG, "panel.png"):
+    for name in (MODEL_WEIGHTS, MODEL_CONFIG, "panel.png"):
         (files / name).write_text(key)
     fields = {
         "recipe": "r", "config": dict(config), "inputs": {}, "versions": {}, "metrics": metrics, "state": "ok", "notes": (),

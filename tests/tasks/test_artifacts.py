@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from aug3d_core.stages import STAGES
+from aug3d_core.factory.stages import STAGES
 from tasks import artifacts
 from tasks.artifacts import PrefectProgress, artifact_key
 

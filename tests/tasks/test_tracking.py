@@ -8,16 +8,17 @@ import socket
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 import pytest
 from mlflow.entities import Run, ViewType
 from mlflow.tracking import MlflowClient
 
-from aug3d_core.errors import InputError, StoreError
+from aug3d_core.run.errors import InputError, StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import version_paths
 from aug3d_core.store.store import Store
-from tasks.outbox import Entry, put, waiting
+from tasks.mlflow_outbox import Entry, put, waiting
 from tests.tasks.logged import version
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def test_a_failed_run_is_marked_as_failed_and_says_why(tmp_path: Path, client: M
 def test_folds_stand_side_by_side(tmp_path: Path, client: MlflowClient) -> None:
     folder = version(tmp_path)
     metrics = json.loads((folder / layout.METRICS).read_text())
-    for part in (metrics["stages"], metrics["paths"]["objects"]):
+    for part in (metrics["stages"], metrics["objects"]):
         part["training_fold1"] = part["training"]
     (folder / layout.METRICS).write_text(json.dumps(metrics))
     steps = nested(client, client.get_run(log(folder).run_id))
@@ -153,14 +154,14 @@ def test_versions_that_a_server_did_not_take_are_logged_afterwards_in_order(
 
 def test_no_password_of_the_servers_address_is_kept_or_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tasks.logged_runs import logged_run
-    from tasks.studies import Nested, log_nested
+    from tasks.studies import log_study
     from tasks.tracking import said
 
     monkeypatch.setenv("MLFLOW_TRACKING_URI", closed_port().replace("://", "://me:s3cr@t@"))
     folder, store = version(tmp_path), Store(tmp_path)
     with pytest.raises(StoreError) as caught:
         logged_run(store, "abc")
-    told = [log(folder).waiting, str(caught.value), log_nested(store, "town", Nested("study"), [], [])]
+    told = [log(folder).waiting, str(caught.value), log_study(store, Mock(place="town"), folder)]
     told += [
         json.dumps(version_paths(store, folder, {})),
         said(ValueError("API request to http://me:s3cr@t@there/x failed")),
@@ -252,7 +253,7 @@ def test_another_process_that_is_logging_is_waited_for_and_then_left_to_it(
 ) -> None:
     from filelock import FileLock
 
-    monkeypatch.setattr("tasks.outbox._TURN_S", 0.1)
+    monkeypatch.setattr("tasks.mlflow_outbox._TURN_S", 0.1)
     Store(tmp_path)
     with FileLock(tmp_path / layout.LOCKS / f"{layout.MLFLOW_OUTBOX}.lock"):
         assert "another process" in log(version(tmp_path)).waiting

@@ -1,0 +1,25 @@
+"""What depth decides by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from aug3d_core.run.stage import Decision
+
+
+def decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
+    """Yield the engine, and the number of planes of a sweep."""
+    yield Decision(
+        field="depth.engine",
+        value=metrics["engine"],
+        measured="what this machine can run",
+        rule=metrics["engine_reason"],
+    )
+    if metrics.get("planes_median"):
+        yield Decision(
+            field="depth.planes",
+            value=metrics["planes_median"],
+            measured="the span of depths that sparse points show in each photograph",
+            rule=metrics["planes_reason"],
+        )

@@ -1,0 +1,26 @@
+"""What the factory knows of the depth stage."""
+
+from __future__ import annotations
+
+from aug3d_core.depth.config import PRESETS, DepthConfig
+from aug3d_core.run.metric import declared
+from aug3d_core.run.stage import Stage
+from aug3d_core.split.files import SPLIT_TABLE
+
+DEPTH = Stage(
+    name="depth",
+    description="A depth map of each photograph, and fused points.",
+    config=DepthConfig,
+    presets=PRESETS,
+    inputs=("sfm", "grouping"),
+    entry="aug3d_core.depth.stage:run",
+    engines=("opencv-python-headless", "pillow", "pycolmap"),
+    accuracy="consistent_share",
+    metrics=declared(
+        higher="consistent_share",
+        lower="seconds_per_photo",
+        neither="photos engine engine_reason depth_width_px points baseline_points planes_median planes_reason",
+    ),
+    decidable=("max_px", "plane_step_px"),
+    reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
+)

@@ -1,0 +1,19 @@
+"""The files that the stages of this package write."""
+
+from __future__ import annotations
+
+from aug3d_core.photos.files import image_name
+
+DENSE_WORKSPACE = "workspace"
+WORKSPACE_DEPTH_MAPS = "stereo/depth_maps"
+WORKSPACE_NORMAL_MAPS = "stereo/normal_maps"
+DEPTH_MAPS = f"{DENSE_WORKSPACE}/{WORKSPACE_DEPTH_MAPS}"
+NORMAL_MAPS = f"{DENSE_WORKSPACE}/{WORKSPACE_NORMAL_MAPS}"
+FUSED = "fused.npz"
+BASELINE_FUSED = "baseline_fused.npz"
+DEPTH_SHEET = "depth_and_normals.png"
+
+
+def geometric_map_name(photo_id: int) -> str:
+    """Name of a photograph's file inside COLMAP's `depth_maps/` and `normal_maps/`."""
+    return f"{image_name(photo_id)}.geometric.bin"

@@ -1,0 +1,130 @@
+"""Settings of the sampling stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from aug3d_core.run.stage import StageConfig
+
+SAM_FILES = ("config.json", "model.safetensors")
+
+
+class SamplingConfig(StageConfig):
+    """How many virtual cameras there are and where they may stand."""
+
+    method: Literal["spiral", "dome", "grid", "buildings", "sam"] = Field(
+        default="grid", description="How the places of domes are chosen."
+    )
+    choice: Literal["coverage", "uniform"] = Field(
+        default="coverage",
+        description="Keep what shows most surface from new directions, as long as it adds enough; or all as drawn.",
+    )
+    min_gain: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="What a dome must add to be kept, as a share of what a dome shows on average.",
+    )
+    width_px: int = Field(default=96, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
+    height_px: int = Field(default=72, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
+    domes: int = Field(
+        default=16,
+        ge=0,
+        le=100_000,
+        description="Most domes (count), 0 for none; choice: coverage may find that fewer do.",
+    )
+    views_per_dome: int | None = Field(
+        default=None,
+        ge=2,
+        le=1000,
+        description="Views on each dome; empty: as many as a training group has members (K).",
+    )
+    min_elevation_deg: float = Field(
+        default=50.0,
+        ge=5,
+        le=90,
+        description="Lowest camera, in degrees above the horizon seen from the dome's centre.",
+    )
+    max_elevation_deg: float = Field(
+        default=88.0,
+        ge=5,
+        le=90,
+        description="Highest camera, in degrees above the horizon seen from the dome's centre.",
+    )
+    azimuth_range_deg: float = Field(
+        default=120.0, gt=0, le=360, description="Width (degrees) of the sector of each dome that cameras stand in."
+    )
+    radius_spread: float = Field(
+        default=0.25,
+        ge=0,
+        le=2,
+        description="Radii reach from that at which the cell fills the view to this share more.",
+    )
+    min_sampling_ratio: float = Field(
+        default=0.7,
+        gt=0,
+        le=10,
+        description="Finest ground sampling of a view, as a multiple of the photos' at this view size.",
+    )
+    min_cell_covered: float = Field(
+        default=0.9, gt=0, le=1, description="Share of the ground that a dome looks at which must have surface."
+    )
+    min_view_covered: float = Field(default=0.9, ge=0, le=1, description="Share of a view that must show surface.")
+    max_back_faces: float = Field(
+        default=0.02, ge=0, le=1, description="Share of a view that may show the surface from behind."
+    )
+    max_smeared: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="Share of a view that may show the surface at over twice the fineness that photos about it justify.",
+    )
+    min_clearance: float = Field(
+        default=0.4, ge=0, lt=1, description="Distance that a camera keeps from any surface, as a share of its radius."
+    )
+    slice_percentile: float | None = Field(
+        default=None,
+        gt=0,
+        lt=100,
+        description="Percentile (K) of the heights above the ground at which a plane cuts buildings off; empty: between "
+        "what is low and what is high.",
+    )
+    sam_weights: str | None = Field(
+        default=None,
+        description="For method sam: folder with config.json and model.safetensors of a Segment Anything model, or its name "
+        "on the Hugging Face hub, such as facebook/sam-vit-base.",
+    )
+    merged_boxes: int = Field(
+        default=3,
+        ge=0,
+        le=100,
+        description="Most neighbours (M) that each building is put together with under one dome.",
+    )
+    tries: int = Field(
+        default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up."
+    )
+    seed: int = Field(default=0, ge=0, description="Seed of the random placement.")
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """What segments photographs, where that is asked for."""
+        return ("torch", "transformers") if self.method == "sam" else ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The model that segments photographs, where it is a folder or a file of one."""
+        if self.method != "sam" or not self.sam_weights:
+            return ()
+        named = Path(self.sam_weights).expanduser()
+        folder = named.parent if named.is_file() else named
+        return tuple(folder / name for name in SAM_FILES) if folder.is_dir() else ()
+
+
+PRESETS: dict[str, SamplingConfig] = {
+    "tiny": SamplingConfig(),
+    "small": SamplingConfig(width_px=160, height_px=120, domes=64),
+    "paper": SamplingConfig(width_px=400, height_px=300, domes=200),
+}

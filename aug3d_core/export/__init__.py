@@ -1,0 +1,7 @@
+"""A finished scene -> the formats of other programs.
+
+folder_formats  poses, points and photographs -> COLMAP or nerfstudio
+colmap_text     views, points and tracks -> a COLMAP model as text
+dtu             the groups of a packed scene -> the DTU layout of the original pixelNeRF code
+target_folder   check the folder that is written to
+"""

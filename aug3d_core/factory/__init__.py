@@ -1,0 +1,12 @@
+"""The factory: the list of stages, their settings, and the loop that builds them in order.
+
+stages         the list: read it first
+config         the settings of a scene: presets and overrides
+plan           the steps of a run: stages and folds
+walk           the loop behind runs, dry runs, trials and studies
+build          build one object, or find it in the store
+material       what a stage reads
+auto           settings that are decided from the scene
+disk_estimate  refuse a run that does not fit on the disk
+reference      generate the reference pages in docs/
+"""

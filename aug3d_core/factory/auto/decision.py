@@ -1,0 +1,74 @@
+"""A decision about a setting, and what it was taken from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.material import Material
+from aug3d_core.photos.discover import find_photos
+from aug3d_core.run.stage import Decision, Metric, StageConfig
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The settings of a stage with nothing left open, and why those that were open are as they are."""
+
+    config: StageConfig
+    decisions: tuple[Decision, ...] = ()
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a scene when a stage's turn comes: what the user gave and set, and what is made so far, by stage."""
+
+    config: SceneConfig
+    records: Mapping[str, Record]
+    store: Store
+    material: Material
+
+    def metric(self, stage: str, name: str) -> Metric:
+        """Return a figure of a stage, None if the stage is not made or tells none."""
+        return self.records[stage].metrics.get(name) if stage in self.records else None
+
+    def figure(self, stage: str, name: str) -> float | None:
+        """Return a figure of a stage as a number, None if there is none."""
+        value = self.metric(stage, name)
+        return float(value) if isinstance(value, int | float) else None
+
+    def folder(self, stage: str) -> Path | None:
+        """Return where a stage's files are, None if it is not made."""
+        return self.store.files_dir(self.records[stage]) if stage in self.records else None
+
+    @property
+    def photos(self) -> int | None:
+        """The number of photographs, None while the town is not flown; raises InputError if the folder is none."""
+        if self.material.photos:
+            return len(find_photos(self.material.photos).names)
+        count = self.figure("town", "photos")
+        return None if count is None else int(count)
+
+    @cached_property
+    def training_photos(self) -> tuple[int, int] | None:
+        """How many training photographs there are, and how many of them show something of their own; None before the split."""
+        from aug3d_core.factory.auto.distinct import training_photos  # with pandas, which most commands do without
+
+        sfm, grouping = self.folder("sfm"), self.folder("grouping")
+        if sfm is None or grouping is None:
+            return None
+        return training_photos(sfm, grouping, self.config.training.input_views)
+
+    @cached_property
+    def photo_px(self) -> int:
+        """The longest side that any photograph is worked on with, px; while none is read, what it is at most."""
+        from aug3d_core.photos.files import read_photos
+
+        folder = self.folder("photos")
+        if folder is None:
+            return self.config.photos.max_px
+        return int(read_photos(folder)[["width_px", "height_px"]].to_numpy().max())

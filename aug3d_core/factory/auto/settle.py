@@ -1,0 +1,30 @@
+"""Settle what a stage's settings leave open, just before it is made: the stage itself never sees that anything was open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from aug3d_core.factory.auto.decision import Known, Settled
+from aug3d_core.factory.auto.rules import RULES
+from aug3d_core.factory.config import SceneConfig, left_open
+from aug3d_core.factory.material import Material
+from aug3d_core.run.stage import Stage
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+
+
+def settle(
+    stage: Stage, config: SceneConfig, records: Mapping[str, Record], store: Store, material: Material | None = None
+) -> Settled:
+    """Return a stage's settings with nothing left open.
+
+    records: what is made so far, by stage, as this stage sees it. material: what the user gave, by default nothing.
+    """
+    chosen = getattr(config, stage.name)
+    open_fields = left_open(config, stage.name)
+    if not open_fields:
+        return Settled(chosen)
+    known = Known(config, records, store, material or Material())
+    decisions = tuple(found for field in open_fields if (found := RULES[f"{stage.name}.{field}"](known)))
+    values = {found.field.partition(".")[2]: found.value for found in decisions}
+    return Settled(type(chosen).model_validate(chosen.model_dump() | values), decisions)

@@ -1,0 +1,144 @@
+"""Build one object, or find it in the store: lock, isolated run, commit."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from aug3d_core.factory.material import Source
+from aug3d_core.run.atomic_file import disk_full, write_synced
+from aug3d_core.run.errors import StageFailed
+from aug3d_core.run.files import EARLIER, JOB, OUTCOME, PROGRESS
+from aug3d_core.run.process import run_isolated
+from aug3d_core.run.progress import on_the_side
+from aug3d_core.run.stage import Outcome, Progress, Stage, StageConfig
+from aug3d_core.run.stage_main import Job
+from aug3d_core.store.keys import engine_versions, object_key, recipe_of
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+
+_MOST_EARLIER = 8  # outputs of a stage's recipe that it may look at for work to reuse
+
+
+@dataclass(frozen=True)
+class Work:
+    """An object to be built. The key and the recipe in it are computed once, here."""
+
+    stage: Stage
+    config: StageConfig
+    sources: Mapping[str, Source]
+    recipe: str
+    key: str
+
+    @property
+    def input_digests(self) -> dict[str, str]:
+        """The digest of each input, by name."""
+        return {name: source.digest for name, source in self.sources.items()}
+
+    def afresh(self) -> Work:
+        """Return the same work with a key of its own, for an answer that has not grown from an earlier one."""
+        return work_of(replace(self.stage, grows=False, afresh=True), self.config, self.sources)
+
+
+@dataclass(frozen=True)
+class Built:
+    """An object's record, and whether it was in the store already."""
+
+    record: Record
+    cached: bool
+
+
+def work_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> Work:
+    """Return what is to be built of a stage's inputs, with its key."""
+    recipe = recipe_of(stage, config)
+    digests = {name: source.digest for name, source in sources.items()}
+    return Work(stage, config, sources, recipe, object_key(recipe, digests))
+
+
+def build(store: Store, work: Work, progress: Progress) -> Built:
+    """Return the object, computed unless the store has it; raises StageFailed.
+
+    A second caller waits for the lock and then finds the object. `progress` is called from another thread: an error or a
+    delay in it does not affect the work.
+    """
+    stage = work.stage
+    with store.lock(stage.name, work.key):
+        record = store.find(stage.name, work.key)
+        if record is not None:
+            return Built(record, cached=True)
+        store.drop_broken(stage.name, work.key)
+        with on_the_side(progress) as report, store.turn(stage.name, report) if stage.alone else nullcontext():
+            return Built(_compute(store, work, report), cached=False)
+
+
+def _compute(store: Store, work: Work, progress: Progress) -> Record:
+    stage = work.stage
+    if recipe_of(stage, work.config) != work.recipe:  # the wait for the lock and the turn may have been long
+        raise StageFailed(
+            stage.name, "error", "the code of aug3d or an engine changed after this run began", "run again", "", ""
+        )
+    folder = store.work_dir(stage.name, work.key)
+    try:
+        job = _prepare(store, work, folder)
+        cost = run_isolated(stage, folder, progress)
+        outcome = Outcome.model_validate_json((folder / OUTCOME).read_bytes())
+        for left in (OUTCOME, PROGRESS):
+            (folder / left).unlink(missing_ok=True)
+        shutil.rmtree(folder / EARLIER, ignore_errors=True)
+        fields = {
+            **outcome.model_dump(),
+            "recipe": work.recipe,
+            "config": job.config,
+            "inputs": work.input_digests,
+            "versions": engine_versions(stage, work.config),
+            "seconds": round(cost.seconds, 3),
+            "cpu_seconds": round(cost.cpu_seconds, 2),
+            "peak_mib": round(cost.peak_mib, 1),
+        }
+        return store.commit(folder, stage.name, work.key, fields)
+    except StageFailed as failure:
+        kept = store.keep_failure(folder, stage.name, work.key, resumable=stage.resumable)
+        failure.replay = failure.replay.replace(str(folder), str(kept))
+        raise
+    except OSError as error:
+        if not disk_full(error):
+            raise
+        raise _disk_failure(store, stage, error) from error
+
+
+def _prepare(store: Store, work: Work, folder: Path) -> Job:
+    """Write the job into its work folder, which keeps what a killed try of a resumable stage left there."""
+    if folder.exists() and not work.stage.resumable:
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    inputs = {name: source.path for name, source in work.sources.items()}
+    if work.stage.grows:
+        inputs[EARLIER] = _link_earlier(store.made_by(work.stage.name, work.recipe, _MOST_EARLIER), folder)
+    config = work.config.model_dump(mode="json")
+    job = Job(stage=work.stage.name, entry=work.stage.entry, config=config, inputs=inputs)
+    write_synced(folder / JOB, job.model_dump_json(indent=1).encode())
+    return job
+
+
+def _link_earlier(earlier: list[Path], work: Path) -> Path:
+    folder = work / EARLIER
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for age, files in enumerate(earlier):
+        (folder / f"{age:02d}").symlink_to(files)
+    return folder
+
+
+def _disk_failure(store: Store, stage: Stage, error: OSError) -> StageFailed:
+    free_mib = shutil.disk_usage(store.root).free / 2**20
+    return StageFailed(
+        stage.name,
+        "disk",
+        f"no space left on the disk of {store.root}: {error}",
+        f"free some space (now {free_mib:.0f} MiB free) or choose another disk with --home DIR, then run again",
+        log_tail="",
+        replay="",
+    )

@@ -1,0 +1,62 @@
+"""What a stage reads: the photographs and poses that the user gives, and what earlier stages made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from aug3d_core.factory.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES, FROM_TOWN
+from aug3d_core.photos.discover import folder_digest
+from aug3d_core.poses.recognise import pose_digest, recognise
+from aug3d_core.run.stage import Frozen, Stage
+from aug3d_core.store.record import Record, files_digest
+from aug3d_core.store.store import Store
+from aug3d_core.town.files import TOWN_PHOTOS
+
+
+class Source(Frozen):
+    """An input of a stage: a folder of files, and the digest of its content."""
+
+    path: Path
+    digest: str
+
+
+class Material(Frozen):
+    """What the user gives: a folder of photographs, None for the built-in town; and their poses, None to find them."""
+
+    photos: Path | None = None
+    poses: Path | None = None
+
+    def stages(self) -> tuple[Stage, ...]:
+        """Return the stages that make a scene of it; raises InputError if the poses are of no known kind."""
+        if self.photos is None:
+            return FROM_TOWN
+        if self.poses is None:
+            return FROM_PHOTOS
+        return FROM_MODEL if recognise(self.poses).has_points else FROM_POSES
+
+
+def source_of(store: Store, record: Record, reads: Sequence[str] = ()) -> Source:
+    """Return a finished object as an input of a stage. reads: the only files that the stage reads of it, empty for all."""
+    digest = files_digest({name: record.files[name] for name in reads}) if reads else record.digest
+    return Source(path=store.files_dir(record), digest=digest)
+
+
+def gather(store: Store, stage: Stage, records: Mapping[str, Record], material: Material) -> dict[str, Source]:
+    """Return the inputs of a stage from the records so far and from what the user gave."""
+    return {name: _source(store, stage, name, records, material) for name in stage.inputs}
+
+
+def ready(stage: Stage, records: Mapping[str, Record], material: Material) -> bool:
+    """Say whether all inputs of a stage are there."""
+    there = {*records, "given", *(["folder"] if material.photos or "town" in records else [])}
+    return there.issuperset(stage.inputs)
+
+
+def _source(store: Store, stage: Stage, name: str, records: Mapping[str, Record], material: Material) -> Source:
+    if name == "folder":
+        folder = material.photos or store.files_dir(records["town"]) / TOWN_PHOTOS
+        return Source(path=folder, digest=folder_digest(folder))
+    if name == "given" and material.poses:
+        return Source(path=material.poses, digest=pose_digest(material.poses))
+    return source_of(store, records[name], stage.reads.get(name, ()))

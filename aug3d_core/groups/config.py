@@ -1,0 +1,76 @@
+"""Configuration of the similarity and grouping stages."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from aug3d_core.run.stage import StageConfig
+
+MOST_K = 10  # that `k=auto` comes to: the paper's better size
+
+
+class SimilarityConfig(StageConfig):
+    """When two views count as connected."""
+
+    connected_points: int = Field(
+        default=20, ge=1, le=10_000, description="Shared points from which two views are connected."
+    )
+
+
+class GroupingConfig(StageConfig):
+    """How many views make a group, how many groups there are, and what is kept for the test."""
+
+    method: Literal["sequence", "grid", "grid_any_angle", "ray", "shared", "surface"] = Field(
+        default="shared",
+        description="What makes views belong together: capture order; place of the camera, with or without its direction; "
+        "where the central ray meets the ground; shared points; seen surface.",
+    )
+    grid_angle_deg: float = Field(
+        default=30.0, gt=0, le=180, description="Most angle between views of a group; grid only (degrees)."
+    )
+    k: Annotated[int, Field(ge=2, le=100)] | Literal["auto"] = Field(
+        default=10,
+        description=f"Views in a group (K), its centre among them; auto: as many as overlap, at most {MOST_K}.",
+    )
+    groups: int = Field(
+        default=64, ge=1, le=100_000, description="Most training groups; never more than training views."
+    )
+    test_share: float = Field(
+        default=0.27, ge=0.05, le=0.5, description="Share of the views that look at the test block."
+    )
+    folds: int | None = Field(
+        default=None,
+        ge=1,
+        le=20,
+        description="Blocks that the ground is cut into, each once the test; 1: a single split; none: as the scene needs.",
+    )
+    fold: int = Field(
+        default=0, ge=0, le=19, description="Block held out, from 0; a whole run makes every fold, whatever is set."
+    )
+    gap_footprints: float = Field(
+        default=1.0,
+        gt=0.0,
+        le=10.0,
+        description="Least distance between where training and the test block look, in footprints of a photo.",
+    )
+    gap_shared_share: float = Field(
+        default=0.10,
+        ge=0.0,
+        le=1.0,
+        description="Share of its points that a training view may share with the test block.",
+    )
+    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+
+
+SIMILARITY_PRESETS: dict[str, SimilarityConfig] = {
+    "tiny": SimilarityConfig(),
+    "small": SimilarityConfig(),
+    "paper": SimilarityConfig(),
+}
+GROUPING_PRESETS: dict[str, GroupingConfig] = {
+    "tiny": GroupingConfig(k=8),
+    "small": GroupingConfig(k=10, groups=256),
+    "paper": GroupingConfig(k=20, groups=1024),
+}

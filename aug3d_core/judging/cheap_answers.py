@@ -1,0 +1,90 @@
+"""The cheap answers that a model must beat, each at its strongest. All see the same inputs as the model.
+
+Inputs are ranked by how far the ground moves in the image between them and the target: the first is the one whose copy
+is the best guess, and whose view of the ground is the least distorted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from aug3d_core.dataset.rays import pixel_centres, view_rays
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.geometry.transforms import invert
+
+
+def cheap_answers(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
+    """Return the target as each cheap answer has it, by the answer's name."""
+    ranked = rank(scene, target, inputs)
+    mean = scene.images[inputs].reshape(-1, 3).mean(axis=0)
+    return {
+        "mean_colour": _round(np.broadcast_to(mean, scene.images[target].shape)),
+        "nearest_copy": scene.images[ranked[0]],
+        "ground_homography": ground_homography(scene, target, inputs),
+        "mesh_render": _mesh(scene, target, mean),
+    }
+
+
+def rank(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> Int[np.ndarray, " v"]:
+    """Order inputs by the median image distance between a ground point in the target and in them."""
+    here = pixel_centres(scene.width_px, scene.height_px)
+    ground, reached = ground_points(scene, target)
+    moved = []
+    for view in inputs:
+        there, ahead = project(scene, view, ground)
+        use = reached & ahead
+        moved.append(np.median(np.linalg.norm(there[use] - here[use], axis=1)) if use.any() else np.inf)
+    return inputs[np.argsort(moved, kind="stable")]
+
+
+def ground_points(scene: Scene, view: int) -> tuple[Float[np.ndarray, "r 3"], Bool[np.ndarray, " r"]]:
+    """Return where the rays of a view's pixels meet the ground plane, and whether they do."""
+    rays = view_rays(scene, view, slab_bounds=False)
+    t = scene.slab.meet(rays.origins, rays.directions, 0.0)
+    reached = np.isfinite(t)
+    return rays.origins + np.where(reached, t, 1.0)[:, None] * rays.directions, reached
+
+
+def project(
+    scene: Scene, view: int, points_in_world: Float[np.ndarray, "p 3"]
+) -> tuple[Float[np.ndarray, "p 2"], Bool[np.ndarray, " p"]]:
+    """Return the pixels of points in a view, and whether they are in front of it."""
+    cam_from_world = invert(scene.world_from_cam[view][:3])
+    in_cam = points_in_world @ cam_from_world[:, :3].T + cam_from_world[:, 3]
+    ahead = in_cam[:, 2] > 1e-6
+    fx, fy, cx, cy = scene.intrinsics[view]
+    z = np.where(ahead, in_cam[:, 2], 1.0)
+    return np.stack([in_cam[:, 0] / z * fx + cx, in_cam[:, 1] / z * fy + cy], axis=1), ahead
+
+
+def ground_homography(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the inputs' colours as they lie on the ground, the nearest's on top; their mean where none reaches."""
+    ground, reached = ground_points(scene, target)
+    answer = np.tile(scene.images[inputs].reshape(-1, 3).mean(axis=0), (len(ground), 1))
+    for view in rank(scene, target, inputs)[::-1]:
+        xy_px, ahead = project(scene, view, ground)
+        inside = ((xy_px >= 0) & (xy_px <= [scene.width_px, scene.height_px])).all(axis=1) & reached & ahead
+        answer[inside] = bilinear(scene.images[view], xy_px[inside])
+    return _round(answer.reshape(scene.images[target].shape))
+
+
+def _mesh(scene: Scene, target: int, mean: np.ndarray) -> UInt8[np.ndarray, "h w 3"]:
+    row = int(np.flatnonzero(scene.baseline_view == target)[0])
+    cover = scene.baseline_alpha[row][..., None] / 255
+    return _round(scene.baseline_images[row] * cover + mean * (1 - cover))
+
+
+def bilinear(image: UInt8[np.ndarray, "h w c"], xy_px: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p c"]:
+    """Interpolate an image at positions whose pixel centres are at half-integers; the border is repeated."""
+    height, width = image.shape[:2]
+    x, y = np.clip(xy_px[:, 0] - 0.5, 0, width - 1), np.clip(xy_px[:, 1] - 0.5, 0, height - 1)
+    left, top = np.minimum(x.astype(int), max(width - 2, 0)), np.minimum(y.astype(int), max(height - 2, 0))
+    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    u, v = (x - left)[:, None], (y - top)[:, None]
+    upper = image[top, left] * (1 - u) + image[top, right] * u
+    return upper * (1 - v) + (image[bottom, left] * (1 - u) + image[bottom, right] * u) * v
+
+
+def _round(values: np.ndarray) -> UInt8[np.ndarray, "h w 3"]:
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)

@@ -1,0 +1,26 @@
+"""What the factory knows of the evaluation stage."""
+
+from __future__ import annotations
+
+from aug3d_core.heads.pixelnerf.config import EVALUATION_PRESETS, EvaluationConfig
+from aug3d_core.run.metric import declared
+from aug3d_core.run.stage import Stage
+
+EVALUATION = Stage(
+    name="evaluation",
+    description="PSNR on held-out photographs.",
+    config=EvaluationConfig,
+    presets=EVALUATION_PRESETS,
+    inputs=("dataset", "training"),
+    entry="aug3d_core.judging.stage:run",
+    engines=("pillow", "scikit-image", "torch"),
+    accuracy="test_psnr_mean",
+    metrics=declared(
+        higher=(
+            "test_psnr_mean test_psnr_ci_low test_psnr_ci_high test_psnr_median test_psnr_p5 test_psnr_best "
+            "test_psnr_worst test_ssim_mean coarse_psnr_mean over_best_cheap_db group_*"
+        ),
+        neither="test_views conventions test_photos cheap_*",
+    ),
+    decidable=("input_views",),
+)

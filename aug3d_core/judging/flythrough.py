@@ -1,0 +1,65 @@
+"""A short flight rendered by the model: once around a test camera, within reach of its inputs, which stay the same.
+
+With it, from the same inputs: the depth that the model sees and the homography over the ground. There is no truth to fly
+through, so this is for the eye; it enters no score.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+from PIL import Image
+
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.heads.pixelnerf.prediction import predict
+from aug3d_core.judging.cheap_answers import ground_homography
+from aug3d_core.judging.panels import depth_colours, grid
+from aug3d_core.novel.views import facing, middle_ground, only, with_views
+
+REACH = 0.5  # radius of the flight, share of the middle distance from the test camera to its inputs
+FRAME_MS = 120
+
+
+def fly(
+    model: PixelNeRF, scene: Scene, target: int, inputs: Int[np.ndarray, " v"], config: EvaluationConfig
+) -> list[UInt8[np.ndarray, "H W 3"]]:
+    """Render the frames of a flight that ends where it began."""
+    intrinsics = scene.intrinsics[target]
+    poses = around(scene, target, inputs, config.flythrough_frames)
+    seen = np.arange(len(inputs))
+    small, frames = with_views(only(scene, inputs), poses, intrinsics, seen)
+    said = [predict(model, small, int(frame), seen, config.rays_per_batch) for frame in frames]
+    depth = np.stack([one.depth for one in said])
+    bounds = tuple(np.quantile(depth, [0.01, 0.99]))  # of all frames, so that depth does not flicker
+    return [
+        grid(
+            [
+                [
+                    ("model", one.fine),
+                    ("its depth", depth_colours(one.depth, bounds)),
+                    ("ground homography", ground_homography(small, int(frame), seen)),
+                ]
+            ]
+        )
+        for frame, one in zip(frames, said, strict=True)
+    ]
+
+
+def around(scene: Scene, target: int, inputs: Int[np.ndarray, " v"], frames: int) -> Float[np.ndarray, "f 4 4"]:
+    """Return the poses of a circle around a camera in the plane of its image, all looking at what it looks at."""
+    right, down, _, eye = scene.world_from_cam[target, :3].T
+    radius = REACH * np.median(np.linalg.norm(scene.world_from_cam[inputs, :3, 3] - eye, axis=1))
+    spot = middle_ground(scene, target)
+    turn = np.linspace(0, 2 * np.pi, frames, endpoint=False)
+    eyes = eye + radius * (np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * down)
+    return np.stack([facing(place, spot, -down) for place in eyes])
+
+
+def save(frames: list[UInt8[np.ndarray, "H W 3"]], path: Path) -> None:
+    """Write an animation that repeats for ever."""
+    first, *others = [Image.fromarray(frame) for frame in frames]
+    first.save(path, save_all=True, append_images=others, duration=FRAME_MS, loop=0, quality=80, method=4)

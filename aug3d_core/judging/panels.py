@@ -1,0 +1,110 @@
+"""Panels: what went in, what was there, what the model made of it, and what the cheap answers did."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+from PIL import Image, ImageDraw
+
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.heads.pixelnerf.prediction import Prediction
+
+SCALE, LABEL_PX, GAP_PX = 2, 14, 4  # small views are shown twice as large
+ERROR_FULL = 64  # mean absolute error over channels that is drawn at full strength, 8-bit steps
+
+# Dark blue over teal to yellow: five stops of a map that grows evenly in lightness.
+STOPS = np.array([[38, 22, 74], [52, 84, 140], [32, 144, 140], [94, 201, 98], [253, 231, 37]], float)
+
+
+def panel(
+    scene: Scene,
+    target: int,
+    inputs: Int[np.ndarray, " v"],
+    prediction: Prediction,
+    answers: dict[str, np.ndarray],
+    scores: dict[str, float],
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Draw one test view: a row of inputs and truth, a row of what the model says, a row of cheap answers."""
+    truth = scene.images[target]
+    rows = [
+        [*((f"input {i + 1}", scene.images[v]) for i, v in enumerate(inputs)), ("truth", truth)],
+        [
+            (f"fine {scores['psnr']:.1f} dB", prediction.fine),
+            (f"coarse {scores['coarse_psnr']:.1f} dB", prediction.coarse),
+            ("depth", depth_colours(prediction.depth)),
+            ("error", error_colours(truth, prediction.fine)),
+        ],
+        [(f"{name.replace('_', ' ')} {scores[f'{name}_psnr']:.1f} dB", image) for name, image in answers.items()],
+    ]
+    return grid(rows)
+
+
+def summary_panel(
+    scene: Scene, shown: list[tuple[int, Int[np.ndarray, " v"], Prediction, dict[str, np.ndarray], dict[str, float]]]
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Draw a row for each test view: nearest input, truth, prediction, depth, error, homography, mesh render."""
+    rows = []
+    for target, _, prediction, answers, scores in shown:
+        truth = scene.images[target]
+        rows.append(
+            [
+                (f"nearest input {scores['nearest_copy_psnr']:.1f}", answers["nearest_copy"]),
+                (f"truth, photo {scene.photo_id[target]}", truth),
+                (f"prediction {scores['psnr']:.1f} dB", prediction.fine),
+                ("depth", depth_colours(prediction.depth)),
+                ("error", error_colours(truth, prediction.fine)),
+                (f"homography {scores['ground_homography_psnr']:.1f}", answers["ground_homography"]),
+                (f"mesh {scores['mesh_render_psnr']:.1f}", answers["mesh_render"]),
+            ]
+        )
+    return grid(rows)
+
+
+def novel_panel(
+    scene: Scene, inputs: Int[np.ndarray, " v"], prediction: Prediction, truth: UInt8[np.ndarray, "h w 3"] | None
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Draw a view that was asked for: a row of inputs, a row of what the model says, and the truth if there is one."""
+    said = [("prediction", prediction.fine), ("depth", depth_colours(prediction.depth))]
+    known = [] if truth is None else [("truth", truth), ("error", error_colours(truth, prediction.fine))]
+    return grid([[(f"input: photo {scene.photo_id[v]}", scene.images[v]) for v in inputs], said + known])
+
+
+def save(image: UInt8[np.ndarray, "H W 3"], path: Path) -> None:
+    """Write a picture."""
+    Image.fromarray(image).save(path)
+
+
+def depth_colours(
+    depth: Float[np.ndarray, "h w"], bounds: tuple[float, float] | None = None
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Draw depth from near (bright) to far (dark), between bounds or over the middle 98 % of its values."""
+    near, far = bounds or np.quantile(depth, [0.01, 0.99])
+    return _colours((far - depth) / max(far - near, 1e-9))
+
+
+def error_colours(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Draw the mean absolute error over channels."""
+    return _colours(np.abs(truth.astype(float) - answer).mean(axis=-1) / ERROR_FULL)
+
+
+def _colours(values: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    place = np.clip(values, 0, 1) * (len(STOPS) - 1)
+    low = np.minimum(place.astype(int), len(STOPS) - 2)
+    part = (place - low)[..., None]
+    return (STOPS[low] * (1 - part) + STOPS[low + 1] * part).astype(np.uint8)
+
+
+def grid(rows: list[list[tuple[str, np.ndarray]]]) -> UInt8[np.ndarray, "H W 3"]:
+    """Draw rows of pictures of one size under their labels."""
+    height, width = (SCALE * n for n in rows[0][0][1].shape[:2])
+    step_x, step_y = width + GAP_PX, height + LABEL_PX + GAP_PX
+    sheet = Image.new("RGB", (max(map(len, rows)) * step_x, len(rows) * step_y), "white")
+    draw = ImageDraw.Draw(sheet)
+    for r, row in enumerate(rows):
+        for c, (label, image) in enumerate(row):
+            draw.text((c * step_x + 2, r * step_y), label, fill="black")
+            large = Image.fromarray(image).resize((width, height), Image.Resampling.NEAREST)
+            sheet.paste(large, (c * step_x, r * step_y + LABEL_PX))
+    return np.asarray(sheet)

@@ -1,0 +1,80 @@
+"""Scores of the model and of the cheap answers on held-out photographs, by the rules of `conventions.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+from jaxtyping import UInt8
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.heads.pixelnerf.prediction import Prediction, predict
+from aug3d_core.judging.cheap_answers import cheap_answers
+from aug3d_core.judging.conventions import BEST_DB, PEAK, SSIM
+from aug3d_core.judging.summary import CHEAP
+from aug3d_core.run.errors import InputError
+
+
+def evaluate(
+    model: PixelNeRF,
+    scene: Scene,
+    config: EvaluationConfig,
+    seen: Callable[[int, Prediction, dict[str, np.ndarray]], None] = lambda group, prediction, answers: None,
+) -> pd.DataFrame:
+    """Predict the target of every test group; one row each with the scores of every answer."""
+    check_test_groups(scene, config)
+    rows = []
+    for group, members in enumerate(scene.groups["test"]):
+        target, inputs = int(members[0]), members[1 : 1 + config.input_views]
+        prediction = predict(model, scene, target, inputs, config.rays_per_batch)
+        answers = cheap_answers(scene, target, inputs)
+        rows.append(
+            {"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, prediction, answers)
+        )
+        seen(group, prediction, answers)
+    return pd.DataFrame(rows)
+
+
+def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
+    """Raise InputError unless every test group has a target and enough views to predict it from."""
+    test = scene.groups["test"]
+    support = test.shape[1] - 1
+    if not len(test):
+        raise InputError(
+            "the data set has no test group", "give the scene more photographs, so that some can be held out"
+        )
+    if support < 1:
+        raise InputError(
+            "a test group has one member, its target: there is nothing to predict it from",
+            "raise grouping.k, or give the scene more photographs of the test block",
+        )
+    if config.input_views > support:
+        raise InputError(
+            f"input_views = {config.input_views}, but a test group has {support} support views",
+            f"set evaluation.input_views to at most {support}",
+        )
+
+
+def _scores(scene: Scene, target: int, prediction: Prediction, answers: dict[str, np.ndarray]) -> dict[str, float]:
+    truth = scene.images[target]
+    scores = {"psnr": psnr(truth, prediction.fine), "ssim": ssim(truth, prediction.fine)}
+    scores["coarse_psnr"] = psnr(truth, prediction.coarse)
+    for name in CHEAP:
+        scores |= {f"{name}_psnr": psnr(truth, answers[name]), f"{name}_ssim": ssim(truth, answers[name])}
+    return scores
+
+
+def psnr(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) -> float:
+    """Return the PSNR in dB, at most BEST_DB."""
+    if np.array_equal(truth, answer):
+        return BEST_DB
+    return float(peak_signal_noise_ratio(truth, answer, data_range=PEAK))
+
+
+def ssim(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) -> float:
+    """Return the mean structural similarity over pixels and channels."""
+    return float(np.asarray(structural_similarity(truth, answer, channel_axis=-1, **SSIM)))

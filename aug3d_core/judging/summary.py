@@ -1,0 +1,44 @@
+"""The figures that stand for a whole test. Free of torch, so that a report can take them over several folds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+
+CHEAP = ("mean_colour", "nearest_copy", "ground_homography", "mesh_render")
+
+
+def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
+    """Return the figures that stand for the whole test: means with interval, groups, cheap answers."""
+    column = {name: np.asarray(table[name], float) for name in table.columns}
+    scores = column["psnr"]
+    groups = np.array([scores[column["group"] == group].mean() for group in np.unique(column["group"])])
+    low, high = bootstrap(groups, config.resamples, np.random.default_rng(config.seed))
+    cheap = {f"cheap_{name}": float(column[f"{name}_psnr"].mean()) for name in CHEAP}
+    figures = {
+        "test_psnr_mean": float(scores.mean()),
+        "test_psnr_ci_low": low,
+        "test_psnr_ci_high": high,
+        "test_psnr_median": float(np.median(scores)),
+        "test_psnr_p5": float(np.quantile(scores, 0.05)),
+        "test_psnr_best": float(scores.max()),
+        "test_psnr_worst": float(scores.min()),
+        "test_ssim_mean": float(column["ssim"].mean()),
+        "coarse_psnr_mean": float(column["coarse_psnr"].mean()),
+        "group_best": float(groups.max()),
+        "group_low": float(groups.min()),
+        "group_average": float(groups.mean()),
+        **cheap,
+        **{f"cheap_{name}_ssim": float(column[f"{name}_ssim"].mean()) for name in CHEAP},
+        "over_best_cheap_db": float(scores.mean() - max(cheap.values())),
+    }
+    return {"test_views": len(table)} | {name: round(value, 4) for name, value in figures.items()}
+
+
+def bootstrap(values: Float[np.ndarray, " g"], resamples: int, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the 95 % interval of the mean over groups, drawn with replacement."""
+    means = rng.choice(values, (resamples, len(values))).mean(axis=1)
+    return float(np.quantile(means, 0.025)), float(np.quantile(means, 0.975))

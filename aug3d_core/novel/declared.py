@@ -1,0 +1,21 @@
+"""What the factory knows of the prediction stage, which only `aug3d predict` runs."""
+
+from __future__ import annotations
+
+from aug3d_core.heads.pixelnerf.config import PredictionConfig
+from aug3d_core.run.metric import declared
+from aug3d_core.run.stage import Stage
+
+PREDICTION = Stage(
+    name="prediction",
+    description="A view that no photograph shows.",
+    config=PredictionConfig,
+    inputs=("dataset", "training"),
+    entry="aug3d_core.novel.stage:run",
+    engines=("pillow", "scikit-image", "torch"),
+    accuracy="ground_seen_share",
+    metrics=declared(
+        higher="psnr ssim ground_seen_share",
+        neither="inputs depth_near depth_far",
+    ),
+)

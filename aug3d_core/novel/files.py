@@ -1,0 +1,8 @@
+"""The files that the stages of this package write."""
+
+from __future__ import annotations
+
+PREDICTION = "prediction.png"
+PREDICTION_DEPTH = "depth.png"
+PREDICTION_PANEL = "panel.png"
+PREDICTION_VIEW = "view.json"

@@ -1,0 +1,27 @@
+"""The files that the stages of this package write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, SupportsIndex
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PHOTO_TABLE = "photos.parquet"
+REJECTED_TABLE = "rejected.parquet"
+PHOTO_IMAGES = "images"
+CONTACT_SHEET = "contact_sheet.jpg"
+REDUNDANT = "redundant"  # begins the reason of a photograph that could be used, and need not
+
+
+def image_name(photo_id: SupportsIndex) -> str:
+    """Name of a photograph's file inside `images/`, in any stage."""
+    return f"{photo_id:06d}.png"
+
+
+def read_photos(folder: Path) -> pd.DataFrame:
+    """Read the photo table from the photos stage's output."""
+    import pandas as pd  # which most commands do without
+
+    return pd.read_parquet(folder / PHOTO_TABLE)

@@ -1,0 +1,93 @@
+"""Training and test: learning curves, and the model compared with the cheap answers per group and per photograph."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+
+import numpy as np
+import pandas as pd
+
+from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS
+from aug3d_core.metrics.pooled import test_views
+from aug3d_core.report.html import number, spaced, table, tag
+from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.svg import curve
+
+_ENDS = {"steps": "all requested steps done", "plateau": "stopped early at a plateau"}
+_CURVES = {"train_psnr": "training PSNR [dB]", "train_loss": "training loss"}
+
+
+def training(run: ReportedRun) -> str:
+    """Return the learning curves of every fold, and how training ended."""
+    cards, said = [], []
+    for fold in range(run.folds):
+        record, name = run.in_fold(fold).record("training"), f", fold {fold}" if run.folds > 1 else ""
+        if record is None:
+            continue
+        m = record.metrics
+        said.append(
+            f"{number(m.get('steps'))} steps{name}, {_ENDS.get(str(m.get('stopped_by')), '')};"
+            f" {number(m.get('restarts'))} restarts; {number(m.get('parameters'))} parameters;"
+            f" {number(m.get('rays_per_second'))} rays per second."
+        )
+        for series, points in record.series.items():
+            title = f"{_CURVES.get(series, series)}{name}"
+            cards.append(tag("div", tag("h3", escape(title)) + curve(points, title), class_="card"))
+    return "".join(tag("p", line) for line in said) + (tag("div", "".join(cards), class_="curves") if cards else "")
+
+
+def test(run: ReportedRun) -> str:
+    """Return the test of all folds: groups as in the paper's first table, held-out photographs, panels."""
+    tests = [run.in_fold(fold) for fold in range(run.folds)]
+    files = [each.file("evaluation", TEST_VIEWS) for each in tests]
+    folders = [file.parent for file in files if file]
+    if not folders:
+        return ""
+    views = test_views(folders)
+    stated = tests[0].file("evaluation", CONVENTIONS)
+    rules = json.loads(stated.read_text()) if stated else None
+    panels = "".join(each.pictures("evaluation") for each in tests)
+    return (
+        _groups(views, rules)
+        + _photos(run, views)
+        + tag("h3", "Panels: inputs, photograph, prediction, depth, error, cheap answers")
+        + tag("div", panels, class_="card pictures panels")
+    )
+
+
+def _answers(views: pd.DataFrame) -> list[str]:
+    return ["psnr", *(c for c in views.columns if c.endswith("_psnr") and c != "coarse_psnr")]
+
+
+def _called(answer: str) -> str:
+    return "PixelNeRF" if answer == "psnr" else spaced(answer.removesuffix("_psnr"))
+
+
+def _groups(views: pd.DataFrame, rules: dict[str, str] | None) -> str:
+    """Return a row per answer with its best, lowest and average test group, as in the paper's first table."""
+    rows = []
+    for name in _answers(views):
+        by_group = np.asarray(views.groupby(["fold", "group"])[name].mean())
+        similarity = "ssim" if name == "psnr" else name.replace("_psnr", "_ssim")
+        ssim = f"{views[similarity].mean():.3f}" if similarity in views else "-"
+        rows.append(
+            (_called(name), *(f"{figure:.2f}" for figure in (by_group.max(), by_group.min(), by_group.mean())), ssim)
+        )
+    said = f"PSNR [dB] over {views.groupby(['fold', 'group']).ngroups} test groups; SSIM over all test views."
+    if rules:
+        said += f" Answers are {rules['answers']}. PSNR {rules['psnr']}. Photographs: {rules['photographs']}."
+    heads = ("answer", "best group", "lowest group", "average", "SSIM")
+    return tag("h3", "Test groups") + tag("p", escape(said), class_="dim") + table(heads, rows, range(1, len(heads)))
+
+
+def _photos(run: ReportedRun, views: pd.DataFrame) -> str:
+    """Return a row per held-out photograph with the PSNR of every answer, the best in bold."""
+    answers, rows = _answers(views), []
+    for row in views.sort_values("psnr", ascending=False).to_dict("records"):
+        best = max(row[name] for name in answers)
+        scores = [tag("span", f"{row[n]:.2f}", class_="best") if row[n] == best else f"{row[n]:.2f}" for n in answers]
+        rows.append((escape(run.called(int(row["photo_id"]))), str(row["fold"]), f"{row['ssim']:.3f}", *scores))
+    heads = ("photograph", "fold", "SSIM", *map(_called, answers))
+    intro = tag("p", "PSNR [dB] of each held-out photograph; the best answer in bold.", class_="dim")
+    return tag("h3", "Held-out photographs") + intro + table(heads, rows, numeric=range(1, len(heads)))

@@ -1,0 +1,124 @@
+"""The traffic lights: the main checks of a scene, each with its bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from typing import Literal
+
+from aug3d_core.report.html import number, percent, tag
+from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.tracks import ENOUGH
+
+Light = Literal["good", "check", "bad"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One check: its subject, its light, the figure, and the bounds of good and bad."""
+
+    what: str
+    light: Light
+    figure: str
+    bounds: str
+
+
+def verdicts(run: ReportedRun) -> tuple[Verdict, ...]:
+    """Return the checks that apply to a run."""
+    return (*_geometry(run), *_test(run))
+
+
+def lights(judged: tuple[Verdict, ...]) -> str:
+    """Return the lights as a list; each shows a word beside its colour."""
+    rows = "".join(
+        tag(
+            "li",
+            tag("span", one.light, class_=f"light {one.light}")
+            + tag("b", escape(one.what))
+            + tag("span", escape(one.figure), class_="says")
+            + tag("small", escape(one.bounds)),
+        )
+        for one in judged
+    )
+    return tag("ul", rows, class_="lights card") if rows else ""
+
+
+def _least(value: float, good: float, bad: float) -> Light:
+    """Judge a figure where more is better."""
+    return "good" if value >= good else "check" if value >= bad else "bad"
+
+
+def _most(value: float, good: float, bad: float) -> Light:
+    """Judge a figure where less is better."""
+    return "good" if value <= good else "check" if value <= bad else "bad"
+
+
+def _of_folds(run: ReportedRun, stage: str, name: str) -> list[float]:
+    """Return a figure of every fold that has it. The worst is judged: one bad fold is enough to spoil a test."""
+    figures = (run.in_fold(fold).figure(stage, name) for fold in range(run.folds))
+    return [figure for figure in figures if figure is not None]
+
+
+def _bounds(good: str, bad: str, of: list[float], least: bool = False) -> str:
+    bounds = f"good from {good}, bad below {bad}" if least else f"good to {good}, bad above {bad}"
+    return f"{bounds}; worst of {len(of)} folds" if len(of) > 1 else bounds
+
+
+def _geometry(run: ReportedRun) -> Iterator[Verdict]:
+    placed = run.figure("sfm", "registered_share")
+    if placed is not None:
+        figure = f"{number(run.metric('sfm', 'registered'))} of {number(run.metric('sfm', 'photos'))}"
+        yield Verdict("photographs with a pose", _least(placed, 0.95, 0.75), figure, "good from 95 %, bad below 75 %")
+    error_px = run.figure("sfm", "reprojection_px")
+    if error_px is not None:
+        yield Verdict("reprojection error", _most(error_px, 1, 2), f"{error_px:.2f} px", "good to 1 px, bad above 2")
+    gps_m = run.figure("sfm", "gps_residual_m_median")
+    if gps_m is not None:
+        yield Verdict("GPS error, median", _most(gps_m, 5, 15), f"{gps_m:.1f} m", "good to 5 m, bad above 15")
+    elif run.record("sfm"):
+        yield Verdict("GPS", "check", "not used", "without it, lengths are nominal")
+    if run.seen_by is not None and (run.seen_by >= 0).any():
+        share = float((run.seen_by[run.seen_by >= 0] >= ENOUGH).mean())
+        what = f"ground seen by {ENOUGH} or more photographs"
+        yield Verdict(what, _least(share, 0.8, 0.5), percent(share), "good from 80 %, bad below 50 %")
+    bad = _of_folds(run, "overlap", "bad_members_share")
+    if bad:
+        yield Verdict(
+            "bad group members", _most(max(bad), 0.01, 0.2), percent(max(bad), 1), _bounds("1 %", "20 %", bad)
+        )
+    seen = _of_folds(run, "surface", "target_covered_share_full")
+    if seen:
+        what, bounds = "held-out photographs: share covered by the mesh", _bounds("90 %", "60 %", seen, least=True)
+        yield Verdict(what, _least(min(seen), 0.9, 0.6), percent(min(seen)), bounds)
+    error_pct = run.figure("truth", "position_error_pct")
+    if error_pct is not None:
+        bounds = "median, relative to the extent; good to 0.1 %, bad above 1 %"
+        yield Verdict(
+            "camera position error against ground truth", _most(error_pct, 0.1, 1), f"{error_pct:.3f} %", bounds
+        )
+
+
+def _test(run: ReportedRun) -> Iterator[Verdict]:
+    kept = _of_folds(run, "rendering", "kept_share")
+    if kept:
+        bounds = _bounds("90 %", "50 %", kept, least=True)
+        yield Verdict("rendered views kept", _least(min(kept), 0.9, 0.5), percent(min(kept)), bounds)
+    audits = [run.in_fold(fold).metric("dataset", "leak_audit") for fold in range(run.folds)]
+    found = [str(audit) for audit in audits if audit]
+    if found:
+        light: Light = "good" if set(found) == {"pass"} else "check" if set(found) <= {"pass", "doubtful"} else "bad"
+        yield Verdict("leak audit", light, ", ".join(dict.fromkeys(found)), "good if every check passes")
+    nvs = run.metrics.get("nvs")
+    if nvs and any(value is not None for value in nvs["cheap"].values()):
+        yield _against_cheap(nvs["test_psnr_mean"], {k: v for k, v in nvs["cheap"].items() if v is not None})
+
+
+def _against_cheap(model: float, cheap: dict[str, float]) -> Verdict:
+    """Compare the model with the cheap answers. Only the mesh was made from more than the model's inputs."""
+    best = max(cheap, key=lambda name: cheap[name])
+    from_inputs = max((value for name, value in cheap.items() if name != "mesh_render"), default=-float("inf"))
+    light: Light = "good" if model >= cheap[best] else "check" if model >= from_inputs else "bad"
+    what = f"model against the best cheap answer ({best.replace('_', ' ')})"
+    bounds = "good above all of them, bad below those made from the same inputs"
+    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB", bounds)

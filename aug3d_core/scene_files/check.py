@@ -1,0 +1,111 @@
+"""From a document to a checked entry. Every mistake is named at once, each with file, line and field."""
+
+from __future__ import annotations
+
+import difflib
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from aug3d_core.factory.config import SceneConfig
+from aug3d_core.run.errors import InputError
+from aug3d_core.scene_files.document import Mistake, Place, parsed
+from aug3d_core.scene_files.entry import FOLDER, Origin, SceneEntry
+
+_LONGEST_VALUE = 60
+
+
+def checked_entry(file: Path, content: bytes) -> SceneEntry:
+    """Return what a file of the registry says; raises InputError naming file, line and field of every mistake."""
+    try:
+        document = parsed(_text(content))
+    except Mistake as mistake:
+        raise _refusal([f"{file}:{mistake.line}: {mistake.what}"]) from mistake
+    # A field that is left empty is left out; photographs alone may be null on purpose.
+    values = {name: value for name, value in document.values.items() if value is not None or name == "photos"}
+    origin = Origin(file, document.lines)
+    wrong = _wrong_settings(origin, values)
+    try:
+        entry = SceneEntry.model_validate(values, context={FOLDER: file.parent})
+    except ValidationError as error:
+        raise _refusal([*_told(origin, error, SceneEntry, ()), *wrong]) from error
+    if wrong:
+        raise _refusal(wrong)
+    return entry.read_from(origin)
+
+
+def said(error: Mapping[str, Any]) -> str:
+    """Say what is wrong with a value, as pydantic tells it in `errors()`, to people."""
+    return {
+        "string_type": "should be a text: put it in quotes",
+        "tuple_type": "should be a list: [one, two]",
+        "path_type": "should be a path",
+        "dict_type": "should have fields of its own, each in a line below",
+        "model_type": "should have fields of its own, each in a line below",
+        "value_error": str(error.get("ctx", {}).get("error")),
+    }.get(error["type"], f"{error['msg'][0].lower()}{error['msg'][1:]}")
+
+
+def _text(content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Mistake(content.count(b"\n", 0, error.start) + 1, "it is not text in UTF-8: save it as UTF-8") from error
+
+
+def _refusal(problems: list[str]) -> InputError:
+    return InputError("\n".join(problems), "mend that line" if len(problems) == 1 else "mend these lines")
+
+
+def _wrong_settings(origin: Origin, values: Mapping[str, Any]) -> list[str]:
+    """Say which settings their stages refuse. Whether there is such a preset, and settings at all, is told elsewhere."""
+    known = {name: values[name] for name in ("preset", "settings") if name in values}
+    try:
+        SceneConfig.model_validate(SceneEntry(photos=None, **known).config_values())
+    except ValidationError as error:
+        return _told(origin, error, SceneConfig, ("settings",)) if error.title == SceneConfig.__name__ else []
+    return []
+
+
+def _told(origin: Origin, errors: ValidationError, model: type[BaseModel], above: Place) -> list[str]:
+    """Say what pydantic found, one line for each field, in the order of the file."""
+    whats: dict[tuple[int, str], list[str]] = defaultdict(list)
+    for error in errors.errors(include_url=False):
+        loc = tuple(map(str, error["loc"]))
+        place = (*above, *loc)
+        line, name = origin.line(place), ".".join(place)
+        if error["type"] == "missing":
+            whats[line, name].append(f"is missing: {_fields(loc, model)[loc[-1]].description}")
+        elif error["type"] == "extra_forbidden":
+            whats[line, name].append(_unknown(loc, model))
+        else:  # where several kinds of value are taken, pydantic adds the kind to the place
+            whats[line, f"{'.'.join(origin.known(place))}{_value(error['input'])}"].append(said(error))
+    return [
+        f"{origin.file}:{line}: {f'{name}: ' if name else ''}{', or '.join(what)}"
+        for (line, name), what in sorted(whats.items())
+    ]
+
+
+def _value(value: Any) -> str:
+    text = repr(value)
+    shown = text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+    return "" if isinstance(value, Mapping | list) else f" = {shown}"
+
+
+def _unknown(loc: Place, model: type[BaseModel]) -> str:
+    known = list(_fields(loc, model))
+    near = difflib.get_close_matches(loc[-1], known, n=1)
+    hint = f", did you mean {near[0]}?" if near else "."
+    return f"there is no such field{hint} Known: {', '.join(known) or 'none'}"
+
+
+def _fields(loc: Place, model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields beside the one that an error is about."""
+    for name in loc[:-1]:
+        annotation = model.model_fields[name].annotation
+        model = next(a for a in (annotation, *get_args(annotation)) if isinstance(a, type) and issubclass(a, BaseModel))
+    return model.model_fields

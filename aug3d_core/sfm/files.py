@@ -1,0 +1,16 @@
+"""The files that the stages of this package write."""
+
+from __future__ import annotations
+
+FEATURES = "features.db"
+MATCHING_TABLE = "matching.parquet"
+VIEWS = "views.npz"
+VIEW_IMAGES = "images"
+POINTS = "points.npz"
+TRACKS = "tracks.npz"
+WORLD = "world.json"
+COLMAP_MODEL = "model"
+COMPONENTS = "components.json"
+OTHER_MODELS = "other_models"
+UNPLACED = "unplaced.parquet"
+SFM_MAP = "map.png"

@@ -1,0 +1,57 @@
+"""The arms of a table, and the orderings that it tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PaperArm:
+    """One way to make a model.
+
+    labels: cells of its row, by column.
+    settings: differences from the scene's own settings, `stage.field=value`.
+    rendered_share: virtual views over training photographs; 0: only photographs.
+    part: the part of the study that it is charted in.
+    against: name of the arm that its row is compared with.
+    """
+
+    name: str
+    labels: Mapping[str, str]
+    settings: tuple[str, ...]
+    rendered_share: float
+    part: str
+    against: str
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """A claim that holds if the first arm of every pair is above the second.
+
+    paper: whether the paper makes the claim; otherwise it is our own question.
+    """
+
+    claim: str
+    pairs: tuple[tuple[str, str], ...]
+    paper: bool = True
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """A grid of arms.
+
+    then: returns further arms after the first are judged. It is given the mean PSNR [dB] and the mean K of each arm that has
+    a score, by name.
+    """
+
+    name: str
+    question: str
+    arms: tuple[PaperArm, ...]
+    then: Callable[[Mapping[str, tuple[float, float]]], Sequence[PaperArm]]
+    orderings: tuple[Ordering, ...]
+
+
+def nothing_more(_judged: Mapping[str, tuple[float, float]]) -> Sequence[PaperArm]:
+    """Add no arms."""
+    return ()

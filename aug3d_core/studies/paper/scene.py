@@ -1,0 +1,87 @@
+"""The finished scene that a study starts from. Its poses, mesh and split are used as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from aug3d_core.factory.config import AUTO, SceneConfig, overridden, scene_config, validated_config
+from aug3d_core.factory.plan import Step, fold_count, seen_from, stage_of
+from aug3d_core.factory.stages import FROM_PHOTOS, GROUPING, SURFACE
+from aug3d_core.run.errors import UsageError
+from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import last_version
+from aug3d_core.store.store import Store
+
+GIVEN = ("sfm", "similarity", "surface")  # what cells read of the scene
+_OWN = ("grouping", "sampling", "rendering", "dataset", "training", "evaluation")  # stages that cells make anew
+
+
+@dataclass(frozen=True)
+class FinishedScene:
+    """A scene of the store, by step, and the settings from which every arm differs."""
+
+    name: str
+    preset: str
+    records: Mapping[str, Record]
+    settings: SceneConfig
+
+    @property
+    def folds(self) -> int:
+        """The number of folds that the scene is made in."""
+        return fold_count(self.records)
+
+    def given(self, fold: int) -> dict[str, Record]:
+        """Return the records that the cells of a fold read, by stage."""
+        seen = seen_from(Step(SURFACE, fold), FROM_PHOTOS, self.records)
+        return {name: seen[name] for name in GIVEN}
+
+    def split(self, store: Store, fold: int) -> pd.DataFrame:
+        """Return the scene's own split: a row per view with its role."""
+        return read_split(store, seen_from(Step(GROUPING, fold), FROM_PHOTOS, self.records)[GROUPING.name])
+
+    def config(self, changes: Iterable[str]) -> SceneConfig:
+        """Return the settings with changes of the form `stage.field=value`."""
+        return overridden(self.settings, changes)
+
+
+def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
+    """Return a scene with the settings of its last run, or with those of a preset from sampling on; raises UsageError.
+
+    The split is always the scene's own: the mesh was made without its test photographs.
+    """
+    version = last_version(store, name)
+    records = {step: _record(store, step, path) for step, path in version["paths"]["objects"].items()}
+    found = {step: record for step, record in records.items() if record is not None}
+    seen = [seen_from(Step(SURFACE, fold), FROM_PHOTOS, found) for fold in range(fold_count(found))]
+    lost = [name for fold in seen for name in (*GIVEN, GROUPING.name) if name not in fold]
+    if lost:
+        raise UsageError(
+            f"scene {name!r} has no {lost[0]}: its last run ended earlier, or the object is gone from the store",
+            f"run the scene again, and see aug3d show {name}",
+        )
+    if preset == AUTO:
+        raise UsageError(
+            "a study uses fixed settings, so --preset auto has nothing to decide",
+            "leave out --preset to use what the scene's last run decided",
+        )
+    values: dict[str, Any] = scene_config(preset or version["preset"]).model_dump() | {"auto": ()}
+    for stage in ("grouping",) if preset else _OWN:
+        if stage in found:
+            values[stage] |= {k: v for k, v in found[stage].config.items() if k in values[stage]}
+    return FinishedScene(name, preset or version["preset"], found, validated_config(values))
+
+
+def read_split(store: Store, grouping: Record) -> pd.DataFrame:
+    """Return photo_id and role of every view."""
+    return pd.read_parquet(store.files_dir(grouping) / SPLIT_TABLE).loc[:, ["photo_id", "role"]]
+
+
+def _record(store: Store, step: str, path: str) -> Record | None:
+    """Find an object by the path of its files in a version, even if the store was moved since."""
+    return store.find(stage_of(step).name, Path(path).parent.name)

@@ -1,0 +1,125 @@
+"""Training and test: learning rates, near and far, the unit of the world, what the model is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from aug3d_core.studies.stability.learning_world import LEARNING_TOWN, MANY_PHOTOS
+from aug3d_core.studies.stability.perturbation import Damage, InFactory, Judge, Overrides, Perturbation, no_settings
+
+_PLACED = "aug3d_core.studies.stability.damages.placed"
+_PACKED = "aug3d_core.studies.stability.damages.packed"
+_PART = "Training and test"
+_SEEDED = ("training.seed",)
+_RATE = 3e-3  # the preset's
+
+ABOVE_ONE_COLOUR = Judge(
+    "test_psnr_mean",
+    "higher",
+    0.0,
+    "dB above the mean colour of the input views: below, the model is worse than no model",
+    "evaluation",
+    over="cheap_mean_colour",
+)
+
+
+def _learns(
+    settings: Callable[[float], Overrides] = no_settings,
+    damage: Damage | None = None,
+    world: Overrides = LEARNING_TOWN,
+) -> InFactory:
+    return InFactory("evaluation", settings, damage, _SEEDED, world, picture="evaluation")
+
+
+def _rate(times: float) -> Overrides:
+    return (f"training.learning_rate={_RATE * times:.6g}",)
+
+
+def _inputs(views: float) -> Overrides:
+    return f"training.input_views={views:.0f}", f"evaluation.input_views={views:.0f}"
+
+
+PERTURBATIONS = (
+    Perturbation(
+        "learning rate too high",
+        _PART,
+        "The network learns at so many times the preset's rate.",
+        "times",
+        (1, 3, 10, 33),
+        ABOVE_ONE_COLOUR,
+        _learns(_rate),
+        {
+            "blends input pixels": (),
+            "makes colours up": ("training.blend_inputs=false",),
+            "density by relu": ("training.density=relu",),
+        },
+    ),
+    Perturbation(
+        "learning rate too low",
+        _PART,
+        "The network learns at this share of the preset's rate.",
+        "times",
+        (1, 0.1, 0.01, 0.001),
+        ABOVE_ONE_COLOUR,
+        _learns(_rate),
+        {"blends input pixels": (), "makes colours up": ("training.blend_inputs=false",)},
+    ),
+    Perturbation(
+        "near and far too close",
+        _PART,
+        "Near and far of every view are multiplied by this.",
+        "times",
+        (1, 0.8, 0.5, 0.2),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:bounds_times")),
+        {"cut to the slab": (), "between near and far": ("training.slab_bounds=false",)},
+    ),
+    Perturbation(
+        "near and far too far",
+        _PART,
+        "Near and far of every view are multiplied by this.",
+        "times",
+        (1, 1.25, 2, 5),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:bounds_times")),
+        {"cut to the slab": (), "between near and far": ("training.slab_bounds=false",)},
+    ),
+    Perturbation(
+        "unit of the world",
+        _PART,
+        "Poses and points are in a unit of which this many make a metre.",
+        "units per m",
+        (1, 0.1, 0.01, 10, 100),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("sfm", f"{_PLACED}:scaled")),
+    ),
+    Perturbation(
+        "unrelated input views",
+        _PART,
+        "This share of the views that the test predicts from show some other place.",
+        "share",
+        (0, 0.25, 0.5, 1),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:unrelated")),
+        {"sees pixels": (), "as in the paper": ("training.see_pixels=false", "training.blend_inputs=false")},
+    ),
+    Perturbation(
+        "training in the dark",
+        _PART,
+        "All that training sees is so many times darker than the test: a camera that exposes by itself, over another street.",
+        "times",
+        (1, 2, 4, 8),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:darker_training")),
+        {"all groups at one exposure": (), "colours as they are": ("training.even_exposure=false",)},
+    ),
+    Perturbation(
+        "few input views",
+        _PART,
+        "The model is trained and tested with this many input views.",
+        "views",
+        (9, 5, 3, 2, 1),
+        ABOVE_ONE_COLOUR,
+        _learns(_inputs, world=MANY_PHOTOS),
+    ),
+)

@@ -1,0 +1,7 @@
+"""A town with exact truth, flown over by a virtual drone.
+
+generator   the town: plan, terrain, buildings, textures
+drone       flight, lens, sensor, GPS, photographs
+truth       comparison of reconstructions with the town; small exact worlds
+stage       the stage `town`, which renders the flight
+"""

@@ -1,0 +1,1 @@
+"""Fly over the town: the path, the camera's faults, GPS, and the JPEG with EXIF."""

@@ -1,0 +1,1 @@
+"""Build the town: its plan, terrain, streets, buildings and textures."""

@@ -1,0 +1,1 @@
+"""Compare reconstructions with the town: poses, mesh, overlap, buildings; and small exact worlds."""

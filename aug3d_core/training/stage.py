@@ -1,0 +1,109 @@
+"""The stage `training`: dataset -> model."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.reader import read
+from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.run.stage import Metric, Outcome, Progress
+from aug3d_core.training.checkpoint import save_model
+from aug3d_core.training.ddp import Team, fitting_size, gathered
+from aug3d_core.training.decisions import decisions
+from aug3d_core.training.divergence import Measures, worse_than_one_colour
+from aug3d_core.training.files import CHECKPOINT, CURVE
+from aug3d_core.training.loop import train
+from aug3d_core.training.schedule import last_step
+from aug3d_core.training.state import Run
+
+CURVE_POINTS = 100
+NOT_LEARNED = "the model is no better than one colour for each view would be: train longer, or with another seed"
+
+
+def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress: Progress) -> Outcome:
+    """Train, on all devices there are; the checkpoints go when the model is written, for they hold times."""
+    checkpoints = out / CHECKPOINT
+    every = max(config.steps // 200, 1)
+
+    def report(run: Run) -> None:
+        end = last_step(config, run.tail_from)
+        if run.step % every == 0 or run.step == end:
+            progress(run.step, end, f"{psnr(run.history[-every:]):.1f} dB in training")
+
+    store = inputs["dataset"] / SCENE_ZARR
+    with gathered(
+        fitting_size(config.groups_per_step, torch.cuda.device_count()), _follow, store, config, checkpoints
+    ) as team:
+        trained = train(read(store), config, checkpoints, report, team)
+    save_model(trained.model, out)
+    curve = curve_of(trained)
+    curve.to_parquet(out / CURVE, index=False)
+    shutil.rmtree(checkpoints, ignore_errors=True)
+    collapsed = worse_than_one_colour(trained.history)
+    metrics = _metrics(trained, config) | {"train_psnr": round(float(curve["train_psnr"].iloc[-1]), 3)}
+    return Outcome(
+        metrics=metrics,
+        state="degraded" if collapsed else "ok",
+        notes=(*_encoder(trained, config), *_restarts(trained, config), *((NOT_LEARNED,) if collapsed else ())),
+        series={
+            name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]
+        },
+        decisions=tuple(decisions(metrics, config)),
+    )
+
+
+def _follow(team: Team, store: Path, config: TrainingConfig, checkpoints: Path) -> None:
+    """Train as another member of the team, silently."""
+    train(read(store), config, checkpoints, team=team)
+
+
+def _metrics(run: Run, config: TrainingConfig) -> dict[str, Metric]:
+    rays = run.step * config.groups_per_step * config.rays_per_group
+    return {
+        "steps": run.step,
+        "stopped_by": "steps" if run.step == config.steps else "plateau",
+        "restarts": len(run.restarts),
+        "rays_per_second": round(rays / max(run.seconds, 1e-9), 1),
+        "loader_wait_share": round(run.waited / max(run.seconds, 1e-9), 4),
+        "encoder_from": run.encoder_from.partition(",")[0],
+        "parameters": sum(p.numel() for p in run.model.parameters()),
+    }
+
+
+def _encoder(run: Run, config: TrainingConfig) -> list[str]:
+    """Say so where the encoder did not get what it was to start from."""
+    as_asked = run.encoder_from in ("random", "ImageNet", config.encoder_weights)
+    return [] if as_asked else [f"the encoder's first weights are {run.encoder_from}"]
+
+
+def _restarts(run: Run, config: TrainingConfig) -> list[str]:
+    return [
+        f"at step {trouble.seen_at} {trouble.what}: training went back to step {step}"
+        f" and on at a learning rate of {config.learning_rate / 3**count:.2g}"
+        for count, (trouble, step) in enumerate(run.restarts, start=1)
+    ]
+
+
+def curve_of(run: Run) -> pd.DataFrame:
+    """Return the curve in at most CURVE_POINTS windows: last step of each, PSNR and loss over it."""
+    windows = np.array_split(np.arange(run.step), min(CURVE_POINTS, run.step))
+    parts = [run.history[w[0] : w[-1] + 1] for w in windows]
+    return pd.DataFrame(
+        {
+            "step": [int(w[-1]) + 1 for w in windows],
+            "train_psnr": [psnr(part) for part in parts],
+            "train_loss": [float(np.mean([step.loss for step in part])) for part in parts],
+        }
+    )
+
+
+def psnr(steps: Sequence[Measures]) -> float:
+    """Return the PSNR in dB of the mean squared error of some steps, of colours in [0, 1]."""
+    return float(-10 * np.log10(max(np.mean([step.error for step in steps]), 1e-10)))

@@ -1,0 +1,58 @@
+"""What an object is made of: its key follows what a stage reads, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aug3d_core.factory.build import work_of
+from aug3d_core.factory.config import scene_config
+from aug3d_core.factory.material import Material, gather
+from aug3d_core.factory.stages import DATASET, DEPTH, FROM_TOWN, MESH_TRUTH, OVERLAP, SAMPLING, STAGES, SURFACE
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.run.files import FILES
+from aug3d_core.run.stage import Stage
+from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+from tests.store.little_store import _FIELDS
+
+UPSTREAM = ("town", "sfm", "similarity", "depth", "surface", "sampling", "rendering")
+
+
+def grouping(store: Store, key: str, split: str, groups: str) -> Record:
+    """Commit what the stage grouping leaves."""
+    files = store.work_dir("grouping", key) / FILES
+    files.mkdir(parents=True)
+    (files / SPLIT_TABLE).write_text(split)
+    (files / GROUPS).write_text(groups)
+    return store.commit(files.parent, "grouping", key, dict(_FIELDS))
+
+
+def keys(store: Store, of: Record) -> dict[str, str]:
+    """Return the key of every stage that reads the grouping."""
+    others = {name: of.model_copy(update={"stage": name, "digest": name}) for name in UPSTREAM}
+    config = scene_config("tiny")
+
+    def key(stage: Stage) -> str:
+        sources = gather(store, stage, {**others, "grouping": of}, Material())
+        return work_of(stage, getattr(config, stage.name), sources).key
+
+    return {stage.name: key(stage) for stage in (DEPTH, SURFACE, MESH_TRUTH, OVERLAP, SAMPLING, DATASET)}
+
+
+def test_other_groups_of_the_same_split_leave_depth_and_meshes_as_they_are(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    as_it_was = keys(store, grouping(store, "a", "split", "groups of 8"))
+    regrouped = keys(store, grouping(store, "b", "split", "groups of 10"))
+    split_anew = keys(store, grouping(store, "c", "another split", "groups of 8"))
+    same = {name for name, key in as_it_was.items() if regrouped[name] == key}
+    assert same == {"depth", "surface", "mesh_truth"}
+    assert not set(as_it_was.values()) & set(split_anew.values())
+
+
+@pytest.mark.parametrize("stage", [stage for stage in STAGES.values() if stage.reads], ids=lambda stage: stage.name)
+def test_what_a_stage_reads_is_of_its_inputs(stage: Stage) -> None:
+    assert set(stage.reads) <= set(stage.inputs)
+    assert stage in FROM_TOWN

@@ -1,0 +1,37 @@
+"""A flight over a strip of ground whose visibility is known exactly: each view sees the points within its footprint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aug3d_core.geometry.shared_points import look_positions, shared_points, visibility
+from aug3d_core.geometry.transforms import centres, look_at
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.groups.scene import GroupingScene
+
+
+def fly(views: int = 40, points: int = 3000, length_m: float = 400.0, seed: int = 0) -> tuple[Views, Points, Tracks]:
+    """Return a nadir flight in two strips along x; a footprint is 80 m wide."""
+    rng = np.random.default_rng(seed)
+    ground = rng.uniform([0, -40], [length_m, 40], size=(points, 2))
+    xyz = np.append(ground, np.zeros((points, 1)), axis=1)
+    x = np.linspace(0, length_m, views // 2)
+    at = np.concatenate([np.stack([x, np.full_like(x, -15)], 1), np.stack([x[::-1], np.full_like(x, 15)], 1)])
+    poses = np.stack([look_at(np.append(a, 60.0), np.append(a, 0.0)) for a in at])
+    seen = np.abs(at[:, None] - ground[None]).max(axis=2) < 40
+    view, point = np.nonzero(seen)
+    order = np.lexsort((view, point))
+    count = len(at)
+    return (
+        Views(np.arange(count) * 3, poses, np.tile([90.0, 90.0, 60.0, 60.0], (count, 1)), np.full((count, 2), 120)),
+        Points(xyz, np.zeros((points, 3), np.uint8), np.zeros(points)),
+        Tracks(point[order], view[order], np.zeros((len(view), 2))),
+    )
+
+
+def scene_of(views: Views, points: Points, tracks: Tracks) -> GroupingScene:
+    """Return the scene with its similarity."""
+    shared = shared_points(visibility(tracks, len(views), len(points.xyz)))
+    look, seen = look_positions(tracks, points.xyz, len(views))
+    look = np.where((seen > 0)[:, None], look, centres(views.cam_from_world)[:, :2])
+    return GroupingScene(views, shared, look, points.xyz)

@@ -1,0 +1,190 @@
+"""Both stages on files: what is written holds together, repeats, and degrades with a note."""
+
+from __future__ import annotations
+
+from filecmp import cmp
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from pydantic import ValidationError
+from scipy import sparse
+
+from aug3d_core.geometry.views import Tracks
+from aug3d_core.groups import similarity_stage, stage
+from aug3d_core.groups.config import GroupingConfig, SimilarityConfig
+from aug3d_core.groups.methods import METHODS
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Outcome
+from tests.groups.strip_scene import fly
+
+
+def silent(done: int, total: int, what: str) -> None: ...
+
+
+def write_sfm(folder: Path, flight: tuple) -> Path:
+    folder.mkdir(parents=True)
+    for part, name in zip(flight, ("views.npz", "points.npz", "tracks.npz"), strict=True):
+        part.save(folder / name)
+    return folder
+
+
+def run_both(tmp_path: Path, flight: tuple, out: str = "out", **config: float | str) -> tuple[Outcome, Outcome, Path]:
+    sfm = write_sfm(tmp_path / out / "sfm", flight)
+    similarity, grouping = tmp_path / out / "similarity", tmp_path / out / "grouping"
+    similarity.mkdir()
+    grouping.mkdir()
+    alike = similarity_stage.run({"sfm": sfm}, SimilarityConfig(), similarity, silent)
+    grouped = stage.run({"sfm": sfm, "similarity": similarity}, GroupingConfig(**config), grouping, silent)
+    return alike, grouped, grouping
+
+
+def test_groups_and_split_hold_together(tmp_path: Path) -> None:
+    _, outcome, out = run_both(tmp_path, fly(), k=6)
+    split = pd.read_parquet(out / "split.parquet").set_index("view")
+    with np.load(out / "groups.npz") as arrays:
+        members, test_members = arrays["members"], arrays["test_members"]
+    assert outcome.state == "ok"
+    assert members.shape == (outcome.metrics["groups"], 6)
+    assert set(split["role"][members.ravel()]) == {"train"}
+    assert set(split["role"][test_members[:, 0]]) == {"target"}
+    assert set(split["role"][test_members[:, 1:].ravel()]) == {"support"}
+    assert sorted(test_members[:, 0]) == split.index[split["role"] == "target"].tolist()
+    assert (split["photo_id"] == np.arange(40) * 3).all()
+    assert np.isfinite(split[["look_x", "look_y"]]).all(axis=None)
+    counts = [outcome.metrics[f"{role}_views"] for role in ("train", "gap", "support", "target")]
+    assert sum(counts) == 40
+    assert outcome.metrics["folds"] == 1 and outcome.metrics["gap_footprints"] >= 1
+    assert outcome.metrics["gap_shared_share"] <= 0.1 and outcome.metrics["leak_shared_share_max"] <= 0.1
+    assert (out / outcome.pictures["Roles and groups"]).exists()
+
+
+def test_the_similarity_file_is_symmetric_int32(tmp_path: Path) -> None:
+    outcome, _, out = run_both(tmp_path, fly())
+    shared = sparse.load_npz(out.parent / "similarity" / "shared_points.npz")
+    assert shared.dtype == np.int32
+    assert abs(shared - shared.T).nnz == 0
+    assert outcome.metrics["connected_share"] == 1.0
+
+
+def test_same_input_same_bytes(tmp_path: Path) -> None:
+    run_both(tmp_path, fly(), "one")
+    run_both(tmp_path, fly(), "two")
+    for file in sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")):
+        assert cmp(tmp_path / "one" / file, tmp_path / "two" / file, shallow=False), file
+
+
+def test_k_larger_than_the_training_views_is_reduced_with_a_note(tmp_path: Path) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(12), k=10)
+    train = outcome.metrics["train_views"]
+    assert outcome.metrics["k"] == train < 10
+    assert f"K is {train}, not 10: there are only {train} training views" in outcome.notes
+
+
+def test_k_reduced_below_half_is_degraded(tmp_path: Path) -> None:
+    assert run_both(tmp_path, fly(20), k=30)[1].state == "degraded"
+
+
+def test_views_in_no_group_are_listed(tmp_path: Path) -> None:
+    _, outcome, out = run_both(tmp_path, fly(), k=3, groups=2)
+    with np.load(out / "groups.npz") as arrays:
+        grouped = len(np.unique(arrays["members"]))
+    alone = outcome.metrics["train_views"] - grouped
+    assert f"{alone} training views are in no group (every group found better members): photos" in outcome.notes[0]
+    split, lonely = (pd.read_parquet(out / name) for name in ("split.parquet", "left_out.parquet"))
+    assert len(lonely) == outcome.metrics["left_out"] == alone
+    assert set(split["role"][lonely["view"]]) == {"train"}
+    assert (split["photo_id"][lonely["view"]].to_numpy() == lonely["photo_id"].to_numpy()).all()
+
+
+def test_the_split_is_the_same_to_the_byte_whatever_the_groups(tmp_path: Path) -> None:
+    splits = [
+        (run_both(tmp_path / f"{method}{k}", fly(), k=k, method=method)[2] / "split.parquet").read_bytes()
+        for method, k in (("shared", 3), ("shared", 8), ("sequence", 8))
+    ]
+    assert len(set(splits)) == 1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_runs_and_says_so(tmp_path: Path, method: str) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(), k=4, method=method)
+    assert outcome.metrics["method"] == method
+    assert outcome.metrics["coverage"] == 1 - outcome.metrics["left_out"] / outcome.metrics["train_views"]
+    assert 0 <= outcome.metrics["jaccard_mean"] < 1
+
+
+def test_members_that_do_not_belong_together_are_told(tmp_path: Path) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(40, length_m=4000.0), k=8)
+    apart = outcome.metrics["members_apart_share"]
+    assert apart > 0.2
+    assert outcome.state == "degraded"
+    assert f"{apart:.0%} of the members share next to nothing with their group's centre" in outcome.notes[-1]
+
+
+def test_k_by_itself_is_told_with_its_reason(tmp_path: Path) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(), k="auto")
+    assert 2 < outcome.metrics["k"] <= 20
+    assert outcome.notes[-1] == f"K is {outcome.metrics['k']}: {outcome.metrics['k_reason']}"
+
+
+@pytest.mark.parametrize("k", [1, 0, -3, "many"])
+def test_groups_of_fewer_than_two_are_refused(k: int) -> None:
+    with pytest.raises(ValidationError):
+        GroupingConfig(k=k)
+
+
+def test_a_lonely_view_is_left_out_with_the_reason(tmp_path: Path) -> None:
+    views, points, tracks = fly(40)
+    keep = tracks.view != 2
+    flight = views, points, Tracks(tracks.point[keep], tracks.view[keep], tracks.xy[keep])
+    _, outcome, _ = run_both(tmp_path, flight, k=4)
+    assert "1 training views are in no group (it overlaps with too few others): photos 6" in outcome.notes
+
+
+def test_a_pose_that_is_not_finite_names_the_photo(tmp_path: Path) -> None:
+    views, points, tracks = fly(20)
+    views.cam_from_world[5] = np.nan
+    with pytest.raises(InputError, match="pose of photo 15"):
+        run_both(tmp_path, (views, points, tracks))
+
+
+def test_no_room_for_a_gap_is_degraded(tmp_path: Path) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(length_m=1.0), k=4)
+    assert outcome.state == "degraded"
+    assert "footprints wide, and training shares up to" in outcome.notes[0]
+    assert "points with the test block: the test says little" in outcome.notes[1]
+
+
+def test_a_small_scene_says_that_it_has_folds_and_which_this_is(tmp_path: Path) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(18), k=4, fold=1)
+    assert outcome.metrics["folds"] == 3
+    assert "made in 3 folds" in outcome.notes[0] and "block 1 (from 0) in this one" in outcome.notes[0]
+
+
+def test_a_test_of_one_photograph_is_degraded(tmp_path: Path) -> None:
+    _, outcome, _ = run_both(tmp_path, fly(8), k=4)
+    assert outcome.state == "degraded"
+    assert any("only 1 of the photographs test the model" in note for note in outcome.notes)
+
+
+def test_two_parts_that_share_nothing_are_noted(tmp_path: Path) -> None:
+    views, points, tracks = fly(40, length_m=2000.0)
+    alike, _, _ = run_both(tmp_path, (views, points, tracks), k=2)
+    assert alike.metrics["connected_share"] < 1
+    assert "views share fewer than 20 points" in alike.notes[0]
+
+
+def test_a_blind_view_does_not_stop_the_stage(tmp_path: Path) -> None:
+    views, points, tracks = fly(20)
+    keep = tracks.view != 4
+    _, _, out = run_both(tmp_path, (views, points, Tracks(tracks.point[keep], tracks.view[keep], tracks.xy[keep])), k=3)
+    assert np.isfinite(pd.read_parquet(out / "split.parquet")["look_x"]).all()
+
+
+def test_three_views_are_refused(tmp_path: Path) -> None:
+    views, points, tracks = fly(4)
+    keep = tracks.view < 3
+    flight = views.take(np.arange(3)), points, Tracks(tracks.point[keep], tracks.view[keep], tracks.xy[keep])
+    with pytest.raises(InputError, match="3 views are too few"):
+        run_both(tmp_path, flight)
