@@ -28,10 +28,10 @@ LOWEST_DEG = 30.0  # directions nearer to the horizon are not asked for
 
 @dataclass(frozen=True)
 class Curve:
-    """What is reached before the first view and after each, as shares of what can be seen."""
+    """What is reached before the first view and after each, as shares of what can be seen: s is one more than the views."""
 
-    sights: Float[np.ndarray, " v+1"]
-    points: Float[np.ndarray, " v+1"]  # of the surface, from any direction
+    sights: Float[np.ndarray, " s"]
+    points: Float[np.ndarray, " s"]  # of the surface, from any direction
 
 
 class Reach:

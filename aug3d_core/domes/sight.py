@@ -16,7 +16,7 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import apply, centres, project
 
-Sights = Int[np.ndarray, " s"]
+Sights = Int[np.ndarray, " _"]  # of one view: another view has another number of them
 
 DIRECTIONS = 64  # of the whole sphere: neighbours are some 28 degrees apart
 STEEPEST = np.cos(np.radians(80.0))  # a surface seen more aslant shows nothing
