@@ -1,18 +1,22 @@
-"""Run the matching and sfm stages, each in a process of its own as the factory runs it."""
+"""Run stages as the factory starts them: each in a process of its own, forked from one that has imported the libraries."""
 
 from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from aug3d_core.factory.stages import stage_reading
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.stage import run as take_in
+from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME
+from aug3d_core.run.fork_server import start
+from aug3d_core.run.linux_process import SUPERVISED
+from aug3d_core.run.process import log_tail
+from aug3d_core.run.stage_main import Job
 
 
 def take_photos(folder: Path, out: Path) -> Path:
@@ -22,20 +26,22 @@ def take_photos(folder: Path, out: Path) -> Path:
 
 
 def run_stage(
-    stage: str, folder: Path, inputs: dict[str, Path], cpus: set[int] | None = None, **config: Any
+    name: str, folder: Path, inputs: dict[str, Path], cpus: set[int] | None = None, **config: Any
 ) -> dict[str, Any]:
-    """Run a stage of the package; return its outcome, or its error."""
+    """Run the stage of a name that reads these inputs; return its outcome, or its error."""
     folder.mkdir(parents=True)
-    job = {"stage": stage, "config": config, "inputs": {name: str(path) for name, path in inputs.items()}}
-    (folder / "job.json").write_text(json.dumps(job))
-    subprocess.run(
-        [sys.executable, "-m", "aug3d_core.sfm", str(folder / "job.json")],
-        check=False,
-        preexec_fn=None if cpus is None else lambda: os.sched_setaffinity(0, cpus),
-        timeout=300,
-    )
-    result = folder / "outcome.json" if (folder / "outcome.json").exists() else folder / "error.json"
-    return json.loads(result.read_text())
+    stage = stage_reading(name, inputs)
+    job = Job(stage=name, entry=stage.entry, config=config, inputs=inputs)
+    (folder / JOB).write_text(job.model_dump_json())
+    process = start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: "1"})
+    if cpus is not None:
+        os.sched_setaffinity(process.pid, cpus)  # long before it has imported an engine, which counts them
+    ended = process.wait(timeout=300)
+    for told in (OUTCOME, ERROR):
+        if (folder / told).exists():
+            return json.loads((folder / told).read_bytes())
+    process.kill()
+    raise AssertionError(f"{name} told nothing and ended with {ended}:\n{log_tail(folder / LOG)}")
 
 
 def run_sfm(

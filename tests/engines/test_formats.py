@@ -19,28 +19,12 @@ from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, homogeneous, project
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.stage import run as take_in
 from tests.engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
+from tests.engines.sfm_runs import run_stage, take_photos
 
 pytestmark = pytest.mark.slow
 
 CAMERA = {"w": SIZE[0], "h": SIZE[1], "fl_x": FOCAL_PX, "fl_y": FOCAL_PX, "cx": SIZE[0] / 2, "cy": SIZE[1] / 2}
-
-
-def run_stage(package: str, stage: str, folder: Path, **inputs: Path) -> dict[str, Any]:
-    """Run a stage in a process of its own; return its outcome, or its error."""
-    folder.mkdir(parents=True)
-    job = {"stage": stage, "config": {}, "inputs": {name: str(path) for name, path in inputs.items()}}
-    (folder / "job.json").write_text(json.dumps(job))
-    subprocess.run(
-        [sys.executable, "-m", f"aug3d_core.{package}", str(folder / "job.json")],
-        check=False,
-        capture_output=True,
-        timeout=300,
-    )
-    result = folder / "outcome.json" if (folder / "outcome.json").exists() else folder / "error.json"
-    return json.loads(result.read_text())
 
 
 def run_python(code: str, *arguments: Path) -> None:
@@ -53,22 +37,20 @@ class Flight:
 
     def __init__(self, folder: Path, seed: int) -> None:
         self.raw = write_flight(folder / "in", poses(), noise_m=0.2, seed=seed)
-        self.photos = folder / "photos"
-        self.photos.mkdir()
-        take_in({"folder": self.raw}, PhotosConfig(), self.photos, lambda done, total, what: None)
-        run_stage("sfm", "matching", folder / "matching", photos=self.photos)
+        self.photos = take_photos(self.raw, folder / "photos")
+        run_stage("matching", folder / "matching", {"photos": self.photos})
         self.matching = folder / "matching" / "files"
 
     def take_poses(self, given: Path, folder: Path, photos: Path | None = None) -> dict[str, Any]:
         """Run the poses and sfm stages as FROM_MODEL or FROM_POSES would; return the outcome or the first error."""
         photos = photos or self.photos
-        read = run_stage("formats", "poses", folder / "poses", photos=photos, given=given)
+        read = run_stage("poses", folder / "poses", {"photos": photos, "given": given})
         if "problem" in read:
             return read
         inputs = {"photos": photos, "poses": folder / "poses" / "files"}
         if not read["metrics"]["with_points"]:
             inputs["matching"] = self.matching
-        return run_stage("sfm", "sfm", folder / "sfm", **inputs)
+        return run_stage("sfm", folder / "sfm", inputs)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +62,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 def computed(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the files of the sfm stage that computed the poses."""
     folder = tmp_path_factory.mktemp("computed")
-    run_stage("sfm", "sfm", folder / "sfm", photos=flight.photos, matching=flight.matching)
+    run_stage("sfm", folder / "sfm", {"photos": flight.photos, "matching": flight.matching})
     return folder / "sfm" / "files"
 
 
@@ -204,16 +186,14 @@ def test_a_mega_nerf_file_that_would_run_a_program_is_refused_and_does_not(fligh
 @pytest.mark.parametrize("form", ["colmap", "nerfstudio"])
 def test_an_exported_scene_comes_back_as_it_was(form: str, flight: Flight, computed: Path, tmp_path: Path) -> None:
     export(computed, flight.photos, form, tmp_path / "out")
-    again = tmp_path / "photos"
-    again.mkdir()
-    take_in({"folder": tmp_path / "out" / "images"}, PhotosConfig(), again, lambda done, total, what: None)
-    read = run_stage("formats", "poses", tmp_path / "poses", photos=again, given=tmp_path / "out")
+    again = take_photos(tmp_path / "out" / "images", tmp_path / "photos")
+    read = run_stage("poses", tmp_path / "poses", {"photos": again, "given": tmp_path / "out"})
     assert read["metrics"]["format"] == form
     inputs = {"photos": again, "poses": tmp_path / "poses" / "files"}
     if form == "nerfstudio":
-        run_stage("sfm", "matching", tmp_path / "matching", photos=again)
+        run_stage("matching", tmp_path / "matching", {"photos": again})
         inputs["matching"] = tmp_path / "matching" / "files"
-    outcome = run_stage("sfm", "sfm", tmp_path / "sfm", **inputs)
+    outcome = run_stage("sfm", tmp_path / "sfm", inputs)
     assert outcome["state"] == "ok"
     before, after = Views.load(computed / "views.npz"), Views.load(tmp_path / "sfm" / "files" / "views.npz")
     # The copies have no time in them, so their order is that of names.
@@ -263,10 +243,7 @@ def write_large_model(flight: Flight, computed: Path, folder: Path) -> None:
 
 def test_a_model_of_another_flight_under_the_same_names(flight: Flight, computed: Path, tmp_path: Path) -> None:
     write_large_model(flight, computed, tmp_path / "model")
-    other = write_flight(tmp_path / "in", poses(seed=5), seed=9)
-    photos = tmp_path / "photos"
-    photos.mkdir()
-    take_in({"folder": other}, PhotosConfig(), photos, lambda done, total, what: None)
+    photos = take_photos(write_flight(tmp_path / "in", poses(seed=5), seed=9), tmp_path / "photos")
     error = flight.take_poses(tmp_path / "model", tmp_path, photos)
     assert error["cause"] == "refused"
     assert "the photographs contradict the given poses: 12 of 12 do not fit" in error["problem"]

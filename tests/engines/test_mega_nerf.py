@@ -92,12 +92,15 @@ def without(key: str) -> Callable[[dict[str, Any]], Any]:
     [
         (without("c2w"), "has no c2w"),
         (without("W"), "has no W"),
-        (lambda content: {**content, "c2w": content["c2w"] * float("nan")}, "c2w is not made of finite numbers"),
+        (
+            lambda content: {**content, "c2w": content["c2w"] * float("nan")},
+            "c2w has values that are not finite numbers",
+        ),
         (lambda content: {**content, "c2w": content["c2w"] * 3}, "not a rotation"),
         (lambda content: {**content, "c2w": torch.eye(3)}, r"c2w has shape \(3, 3\)"),
         (lambda content: {**content, "intrinsics": torch.ones(3)}, "not 4 finite numbers"),
         (lambda content: {**content, "H": [240, 240]}, "H is not one number"),
-        (lambda content: {**content, "intrinsics": "wide"}, "intrinsics is not made of finite numbers"),
+        (lambda content: {**content, "intrinsics": "wide"}, "intrinsics has values that are not finite numbers"),
         (lambda content: {**content, "distortion": torch.ones(8)}, "distortion has 8 values"),
         (lambda content: [content], "holds a list, not a dictionary"),
     ],
