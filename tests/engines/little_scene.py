@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import datetime, timedelta
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import ExifTags, Image
 from PIL.TiffImagePlugin import IFDRational
 
 from aug3d_core.geometry.geodesy import geodetic_from_enu
-from aug3d_core.geometry.transforms import centres, invert, look_at
+from aug3d_core.geometry.transforms import apply, centres, invert, look_at
 from tests.photos.photo_files import degrees
 
 SIZE = (320, 240)
@@ -53,12 +54,38 @@ class LittleScene:
         centre = centres(cam_from_world)
         nearest, grey = np.full(rays.shape[:2], np.inf), np.full(rays.shape[:2], 128.0)
         for (z, low, high), texture in zip(self.planes, self.textures, strict=True):
-            depth = (z - centre[2]) / rays[..., 2]
-            xy = centre[:2] + depth[..., None] * rays[..., :2]
-            hit = ((xy >= low) & (xy < high)).all(axis=-1) & (depth > 0) & (depth < nearest)
+            there = _window(cam_from_world, np.append(low, z), np.append(high, z))
+            depth = (z - centre[2]) / rays[there][..., 2]
+            xy = centre[:2] + depth[..., None] * rays[there][..., :2]
+            hit = ((xy >= low) & (xy < high)).all(axis=-1) & (depth > 0) & (depth < nearest[there])
             texel = ((xy[hit] + _HALF_M) * _TEXELS_PER_M).astype(int) % len(texture)
-            nearest[hit], grey[hit] = depth[hit], texture[texel[:, 1], texel[:, 0]]
+            nearest[there][hit], grey[there][hit] = depth[hit], texture[texel[:, 1], texel[:, 0]]
         return Image.fromarray(grey.astype(np.uint8)).resize(SIZE, Image.Resampling.BOX).convert("RGB")
+
+
+def _window(cam_from_world: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[slice, slice]:
+    """Return the rows and columns of rays that may meet a level rectangle: all, where a corner is not before the camera."""
+    corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    x, y, z = apply(cam_from_world, corners).T
+    if z.min() < 1:
+        return np.s_[:], np.s_[:]
+    u, v = 2 * FOCAL_PX * x / z + SIZE[0], 2 * FOCAL_PX * y / z + SIZE[1]
+    return _span(v), _span(u)
+
+
+def _span(at_px: np.ndarray) -> slice:
+    return slice(max(int(at_px.min()) - 1, 0), max(int(at_px.max()) + 2, 0))
+
+
+@cache
+def little_scene(seed: int) -> LittleScene:
+    return LittleScene(seed)
+
+
+@lru_cache(maxsize=64)
+def _photographed(seed: int, cam_from_world: bytes) -> Image.Image:
+    """Return what `LittleScene.photograph` makes: flights that differ in what EXIF says show the same."""
+    return little_scene(seed).photograph(np.frombuffer(cam_from_world).reshape(3, 4))
 
 
 def write_flight(
@@ -72,12 +99,11 @@ def write_flight(
 ) -> Path:
     """Write the photographs of a flight as JPEGs with EXIF, of which `focal_35mm` may be a lie."""
     folder.mkdir(parents=True, exist_ok=True)
-    scene, rng = LittleScene(seed), np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     positions = centres(cam_from_world) + rng.normal(size=(len(cam_from_world), 3)) * noise_m
     for i, (pose, place) in enumerate(zip(cam_from_world, geodetic_from_enu(positions, ORIGIN), strict=True), start):
-        scene.photograph(pose).save(
-            folder / f"photo_{i}.jpg", quality=95, exif=_exif(i, place if gps else None, focal_35mm)
-        )
+        exif = _exif(i, place if gps else None, focal_35mm)
+        _photographed(seed, pose.tobytes()).save(folder / f"photo_{i}.jpg", quality=95, exif=exif)
     return folder
 
 
