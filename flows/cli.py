@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +18,7 @@ from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import planned
 from aug3d_core.poses.recognise import COLMAP, DTU, NERFSTUDIO
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.short_process import collect_seldom
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import last_version, object_of, records_before
@@ -168,10 +170,13 @@ def _run(
         _print_plan(store, material, config, as_json)
         return
     check_servers()
-    with store.using():
+    apply_local_environment(store.root)
+    console = Console(stderr=as_json)
+    with store.using(), prefect_server(store.root) as ready:
         plan = checked_plan(store, scene, material, config, records_before(store, scene))
+        console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True)
         with following(plan):
-            metrics = _run_flow(store, scene, material, stages, preset, config, Console(stderr=as_json))
+            metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)
     if as_json:
         print(json.dumps(metrics, indent=1))
     else:
@@ -188,22 +193,19 @@ def _run_flow(
     preset: str,
     config: SceneConfig,
     console: Console,
+    server_is_ready: Callable[[], None],
 ) -> dict[str, Any]:
-    apply_local_environment(store.root)
-    console.print(
-        f"everything goes to {store.root}; starting Prefect ...", style="dim", highlight=False, soft_wrap=True
-    )
-    with prefect_server(store.root):
-        # Prefect reads its settings when it is imported, so it is imported after they are set.
-        from prefect import tags
+    # Prefect reads its settings when it is imported, so it is imported after they are set.
+    from prefect import tags
 
-        from flows.display import Display
-        from flows.factory import factory
-        from tasks.progress import listening
+    from flows.display import Display
+    from flows.factory import factory
+    from tasks.progress import listening
 
-        photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
-        with Display(console, stages) as display, listening(display), tags(OURS):
-            return factory(scene, photos, preset, config, str(store.root), poses)
+    server_is_ready()
+    photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
+    with Display(console, stages) as display, listening(display), tags(OURS):
+        return factory(scene, photos, preset, config, str(store.root), poses)
 
 
 def _print_plan(store: Store, material: Material, config: SceneConfig, as_json: bool) -> None:
@@ -256,4 +258,5 @@ app.add_typer(bench, name="bench")
 def main() -> None:
     """Enter from the console script."""
     os.environ.setdefault("PYTHONWARNINGS", "ignore")
+    collect_seldom()
     app()

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mlflow.tracking import MlflowClient
-
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store.scenes import masked, mlflow_address
 from aug3d_core.store.store import Store
-from tasks.ping import unreachable
+from tasks.mlflow_client import mlflow_client
 from tasks.tracking import TROUBLE, said
 
 
@@ -28,9 +26,7 @@ def logged_run(store: Store, beginning: str) -> LoggedRun:
     """Return the run whose id begins so; raises UsageError if there is none or several, StoreError if MLflow is no use."""
     address = mlflow_address(store)
     try:
-        if why := unreachable(address):
-            raise ConnectionError(why)
-        client = MlflowClient(address)
+        client = mlflow_client(store)
         experiments = [experiment.experiment_id for experiment in client.search_experiments()]
         found = client.search_runs(experiments, f"attributes.run_id LIKE '{beginning}%'", max_results=2)
     except TROUBLE as error:

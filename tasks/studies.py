@@ -16,7 +16,7 @@ from aug3d_core.store.scenes import masked, mlflow_address
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.publication import LoggedRun, Publication
 from tasks.build_task import through_prefect
-from tasks.ping import unreachable
+from tasks.mlflow_client import mlflow_client
 from tasks.tracking import TROUBLE, experiment_id, said
 
 _BATCH = 900  # MLflow takes at most 1,000 metrics at a time, and 100 parameters or tags
@@ -42,9 +42,7 @@ def log_study(store: Store, study: Publication, folder: Path) -> str:
     """Log a study with its files, and its cells as nested runs; returns why MLflow could not be used, "" if it could."""
     address = mlflow_address(store)
     try:
-        if why := unreachable(address):
-            raise ConnectionError(why)
-        client = MlflowClient(address)
+        client = mlflow_client(store)
         experiment = experiment_id(client, store.root, study.place)
         run_id = _begin(client, experiment, LoggedRun(f"study {folder.name}", study.tags, study.params, study.metrics))
         for name in _FILES:

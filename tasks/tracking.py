@@ -18,9 +18,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import masked, mlflow_address, records_of, version_metrics
 from aug3d_core.store.store import Store
+from tasks.mlflow_client import mlflow_client
 from tasks.mlflow_outbox import Entry, my_turn, put, waiting
 from tasks.model_registry import name_published
-from tasks.ping import unreachable
 from tasks.version_run import log_version
 
 TROUBLE = (MlflowException, SQLAlchemyError, OSError)  # of the server, of the database, of the artifacts' folder
@@ -61,10 +61,8 @@ def flush(store: Store) -> Flushed:
     """Tell MLflow what waits, oldest first and each once; trouble with MLflow is told, never raised."""
     flushed, address = Flushed(), mlflow_address(store)
     try:
-        if why := unreachable(address):
-            raise ConnectionError(why)
         with my_turn(store):
-            _flush(store, MlflowClient(address), flushed)
+            _flush(store, mlflow_client(store), flushed)
     except Timeout:
         flushed.waiting = f"another process is logging to MLflow; {_LATER} what it leaves"
     except TROUBLE as error:
