@@ -10,6 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
+from aug3d_core.run.errors import UsageError
+from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, limits_from
 from aug3d_core.run.memory import total_bytes
 from aug3d_core.run.stage import Frozen
 
@@ -31,7 +33,7 @@ class Check(Frozen):
 
 def examine(home: Path) -> list[Check]:
     """Look at everything a run needs."""
-    return [_python(), *map(_engine, _ENGINES), _memory(), _disk(home), _cores(), _gpu()]
+    return [_python(), *map(_engine, _ENGINES), _memory(), _limits(), _disk(home), _cores(), _gpu()]
 
 
 def _python() -> Check:
@@ -65,6 +67,15 @@ def _memory() -> Check:
     gib = total_bytes() / 2**30
     state = "ok" if gib >= _NEED_MEMORY_GIB else "warn"
     return Check(name="memory", state=state, found=f"{gib:.1f} GiB", remedy=f"the demo needs {_NEED_MEMORY_GIB} GiB")
+
+
+def _limits() -> Check:
+    try:
+        limits = limits_from(os.environ)
+    except UsageError as error:
+        return Check(name="limits", state="fail", found=error.problem, remedy=error.remedy)
+    found = f"a stage may take {limits.mib / 1024:.1f} GiB ({LIMIT_MEMORY}) and {limits.seconds / 3600:.0f} h ({LIMIT_HOURS})"
+    return Check(name="limits", state="ok", found=found)
 
 
 def _disk(home: Path) -> Check:

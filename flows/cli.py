@@ -18,6 +18,7 @@ from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import planned
 from aug3d_core.poses.recognise import COLMAP, DTU, NERFSTUDIO
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.limits import limits_from
 from aug3d_core.run.short_process import collect_seldom
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
@@ -169,6 +170,7 @@ def _run(
     if dry_run:
         _print_plan(store, material, config, as_json)
         return
+    limits_from(os.environ)  # a wrong one is told before anything is started
     check_servers()
     apply_local_environment(store.root)
     console = Console(stderr=as_json)

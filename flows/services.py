@@ -23,6 +23,7 @@ import psutil
 import typer
 
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.limits import limits_from
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 from flows.refusal import typed_errors
@@ -225,6 +226,7 @@ def service(words: Annotated[list[str], typer.Argument(metavar=f"[check] {PREFEC
 
 
 def _become(name: str, serving: Serving) -> None:
+    limits_from(os.environ)  # which the worker's stages have
     if SUPERVISED in os.environ:
         # End with `aug3d up`. MLflow passes SIGTERM on to the process that serves; SIGKILL would leave that behind.
         die_with_parent(signal.SIGTERM if name == MLFLOW else signal.SIGKILL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from aug3d_core.factory.config import PRESETS
+from aug3d_core.run.limits import limits_from
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.preflight import check_servers
@@ -144,6 +146,7 @@ def using(home: Path) -> Iterator[Store]:
 
 def carry_out(store: Store, name: str, watch: Watch, study: Callable[[Make], FoundT]) -> FoundT:
     """Run a study within a flow, and show how far it is."""
+    limits_from(os.environ)  # a wrong one is told before anything is started
     check_servers()
     apply_local_environment(store.root)
     from flows.study_run import as_flow  # Prefect and MLflow read their settings when they are imported

@@ -17,6 +17,7 @@ from filelock import FileLock, Timeout
 from rich.console import Console
 
 from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.limits import limits_from
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.preflight import check_servers
@@ -63,6 +64,7 @@ def serve(serving: Serving, as_json: bool, worker: Sequence[str] = (*_ENTRY, WOR
         console.print(f"{time.strftime('%H:%M:%S')} {what}", markup=False, highlight=False, soft_wrap=True)
 
     check_password(serving)
+    limits_from(os.environ)  # the worker's stages have them
     started = time.monotonic()
     Store(serving.home)  # a folder that cannot be used is told before anything is started
     serving.folder.mkdir(exist_ok=True)

@@ -43,6 +43,14 @@ _RUN = """
             hoard = bytearray(300 * 2**20)
             hoard[::4096] = b"1" * len(hoard[::4096])
             time.sleep(600)
+        if config.do == "share":
+            hoard = bytearray(300 * 2**20)
+            hoard[::4096] = b"1" * len(hoard[::4096])
+            for _ in range(3):
+                if os.fork() == 0:
+                    time.sleep(3)
+                    os._exit(0)
+            time.sleep(3)
         if config.do == "fill":
             with open(out / "big", "wb") as file:
                 while True:

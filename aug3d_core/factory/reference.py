@@ -26,7 +26,10 @@ _SHAPE = (
     ("`failure`", "only if a stage failed: `problem` and `remedy`"),
     ("`seconds`, `peak_mib`", "wall time of this run [s]; highest memory of all stages [MiB]"),
     ("`stages.<stage>.seconds`, `.cpu_seconds`", "wall time and processor time when the stage was computed [s]"),
-    ("`stages.<stage>.peak_mib`, `.size_mib`", "highest memory, and size of the output [MiB]"),
+    (
+        "`stages.<stage>.peak_mib`, `.size_mib`",
+        "highest memory (PSS: what processes share counts once), and size of the output [MiB]",
+    ),
     ("`stages.<stage>.cached`", "true if this run found the output in the store"),
     ("`stages.<stage>.state`, `.notes`", "`ok` or `degraded`, and what people should know"),
     ("`stages.<stage>.digest`", "SHA-256 of the output's files"),

@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from multiprocessing.popen_fork import Popen
@@ -22,8 +22,9 @@ import psutil
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME, PROGRESS, SPENT
 from aug3d_core.run.fork_server import start
+from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, Limits, limits_from
 from aug3d_core.run.linux_process import SUPERVISED
-from aug3d_core.run.memory import total_bytes
+from aug3d_core.run.memory_meter import MemoryMeter
 from aug3d_core.run.stage import Progress, Stage
 
 _POLL_S = 0.1
@@ -34,7 +35,7 @@ _DISK_FULL_BYTES = 8 * 2**20
 
 @dataclass(frozen=True)
 class Cost:
-    """What a job cost: wall seconds; and over all its processes, processor seconds and peak resident memory.
+    """What a job cost: wall seconds; and over all its processes, processor seconds and peak memory by shares (PSS).
 
     Processor seconds say what the work is worth whatever else the machine is doing.
     """
@@ -60,15 +61,19 @@ QUIET_THREADS = {"OMP_WAIT_POLICY": "PASSIVE"}
 def run_isolated(stage: Stage, folder: Path, progress: Progress) -> Cost:
     """Run `folder/job.json` and wait for it; raises StageFailed with the cause, the last log lines and the replay command.
 
+    The limits are those of the environment.
     The cost is that of all tries that the folder has seen: what a killed one made is what the next one goes on with.
     """
+    limits = limits_from(os.environ)
     for stale in (ERROR, OUTCOME, PROGRESS):
         (folder / stale).unlink(missing_ok=True)
     environment = {**QUIET_THREADS, **os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"}
     process = start(stage.package, folder / JOB, folder / LOG, environment)
     earlier, started = _spent(folder), time.monotonic()
     try:
-        cost, verdict = _watch(process, stage, folder, started, progress, lambda now: _save(now.after(earlier), folder))
+        cost, verdict = _watch(
+            process, limits, folder, started, progress, lambda now: _save(now.after(earlier), folder)
+        )
     finally:
         _kill_group(process)
     if verdict is None and process.wait() == 0 and (folder / OUTCOME).exists():
@@ -93,23 +98,25 @@ def _save(cost: Cost, folder: Path) -> None:
 
 
 def _watch(
-    process: Popen, stage: Stage, folder: Path, started: float, progress: Progress, save: Callable[[Cost], None]
+    process: Popen, limits: Limits, folder: Path, started: float, progress: Progress, save: Callable[[Cost], None]
 ) -> tuple[Cost, tuple[str, str] | None]:
     """Wait for the end; return the cost and, if the job was stopped from here, (cause, problem)."""
-    limit_mib = min(stage.limit_mib, 0.9 * total_bytes() / 2**20)
+    meter = MemoryMeter(limits.mib * 2**20)
     report = _progress_reader(folder, progress)
     cost, saved_s = Cost(0.0, 0.0, 0.0), 0.0
     while process.poll() is None:
-        now = _cost_so_far(process.pid, started)
-        cost = Cost(now.seconds, max(cost.cpu_seconds, now.cpu_seconds), max(cost.peak_mib, now.peak_mib))
+        job = _processes(process.pid)
+        meter.look(job)
+        seconds = time.monotonic() - started
+        cost = Cost(seconds, max(cost.cpu_seconds, _cpu_seconds(job)), meter.peak_bytes / 2**20)
         report()
         if cost.seconds - saved_s > _SAVE_S:
             save(cost)
             saved_s = cost.seconds
-        if cost.seconds > stage.limit_s:
-            return cost, ("timeout", f"it ran longer than {stage.limit_s:.0f} s")
-        if cost.peak_mib > limit_mib:
-            return cost, ("memory", f"it used {cost.peak_mib:.0f} MiB; the limit is {limit_mib:.0f} MiB")
+        if cost.seconds > limits.seconds:
+            return cost, ("timeout", f"it ran longer than {limits.seconds:.0f} s")
+        if cost.peak_mib > limits.mib:
+            return cost, ("memory", f"it used {cost.peak_mib:.0f} MiB; the limit is {limits.mib:.0f} MiB")
         time.sleep(_POLL_S)
     report()
     return cost, None
@@ -132,15 +139,19 @@ def _progress_reader(folder: Path, progress: Progress) -> Callable[[], None]:
     return report
 
 
-def _cost_so_far(pid: int, started: float) -> Cost:
-    cpu_seconds, rss = 0.0, 0
+def _processes(pid: int) -> list[psutil.Process]:
     with suppress(psutil.NoSuchProcess):
         leader = psutil.Process(pid)
-        for member in (leader, *leader.children(recursive=True)):
-            with suppress(psutil.NoSuchProcess):
-                rss += member.memory_info().rss
-                cpu_seconds += sum(member.cpu_times()[:4])  # its own and its ended children's, user and system
-    return Cost(time.monotonic() - started, cpu_seconds, rss / 2**20)
+        return [leader, *leader.children(recursive=True)]
+    return []
+
+
+def _cpu_seconds(job: Sequence[psutil.Process]) -> float:
+    spent = 0.0
+    for process in job:
+        with suppress(psutil.NoSuchProcess):
+            spent += sum(process.cpu_times()[:4])  # its own and its ended children's, user and system
+    return spent
 
 
 def _kill_group(process: Popen) -> None:
@@ -167,11 +178,8 @@ def _failure(stage: Stage, folder: Path, returncode: int, verdict: tuple[str, st
 
 def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) -> tuple[str, str, str]:
     if verdict is not None:
-        remedies = {
-            "timeout": "use a smaller preset or fewer photographs",
-            "memory": "use a smaller preset or fewer photographs",
-        }
-        return *verdict, remedies[verdict[0]]
+        variable = {"timeout": LIMIT_HOURS, "memory": LIMIT_MEMORY}[verdict[0]]
+        return *verdict, f"set {variable} higher, or use a smaller preset or fewer photographs"
     try:
         told = json.loads((folder / ERROR).read_bytes())
     except (FileNotFoundError, ValueError):

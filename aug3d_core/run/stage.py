@@ -114,7 +114,6 @@ class Stage:
     metrics: the figures that it reports, by name; `accuracy` is one of them.
     decidable: fields of `config` that the preset `auto` leaves open, to be decided from the scene.
     alone: it uses the whole machine for long; one at a time runs in a store, of however many scenes.
-    limit_s, limit_mib: time and memory at which the stage's process group is killed.
     """
 
     name: str
@@ -132,8 +131,6 @@ class Stage:
     afresh: bool = False
     alone: bool = False
     reads: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
-    limit_s: float = 24 * 3600.0
-    limit_mib: float = 20 * 1024.0
 
     @property
     def package(self) -> str:

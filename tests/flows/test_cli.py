@@ -110,6 +110,26 @@ def test_help_teaches(command: tuple[str, ...]) -> None:
     assert "aug3d" in result.output or "--home" in result.output
 
 
+@pytest.mark.parametrize("words", [("demo",), ("run", "s", "--photos", "."), ("up",)])
+def test_a_wrong_limit_is_refused_before_anything_starts(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AUG3D_LIMIT_MEMORY_GIB", "20G")
+    result = invoke(*words, "--home", tmp_path / "home", "--json")
+    assert result.exit_code == 2 and "AUG3D_LIMIT_MEMORY_GIB is '20G'" in result.stdout
+    assert not (tmp_path / "home" / "prefect").exists()
+
+
+def test_doctor_shows_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AUG3D_LIMIT_HOURS", "48")
+    monkeypatch.setattr("aug3d_core.doctor._ENGINES", ())
+    result = invoke("doctor", "--home", tmp_path, "--json")
+    assert "48 h (AUG3D_LIMIT_HOURS)" in next(c["found"] for c in json.loads(result.stdout) if c["name"] == "limits")
+    monkeypatch.setenv("AUG3D_LIMIT_HOURS", "-1")
+    result = invoke("doctor", "--home", tmp_path, "--json")
+    assert result.exit_code == 1 and '"limits"' in result.stdout
+
+
 def test_doctor_finds_this_machine_able(tmp_path: Path) -> None:
     result = invoke("doctor", "--home", tmp_path, "--json")
     checks = {check["name"]: check for check in json.loads(result.stdout)}

@@ -17,8 +17,9 @@ import psutil
 import pytest
 
 from aug3d_core.factory.build import build, work_of
-from aug3d_core.run.errors import StageFailed
+from aug3d_core.run.errors import StageFailed, UsageError
 from aug3d_core.run.files import LOG, SPENT
+from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY
 from aug3d_core.run.stage import Progress, Stage
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
@@ -120,17 +121,37 @@ def test_native_ends_become_typed_errors(tmp_path: Path, do: str, cause: str, wo
     assert words in failure.problem
 
 
-def test_a_stage_that_hangs_is_killed_with_its_workers(tmp_path: Path) -> None:
-    failure = fail(tmp_path, "hang", limit_s=6.0, resumable=True)
-    assert failure.cause == "timeout"
+def test_a_stage_that_hangs_is_killed_with_its_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT_HOURS, str(6 / 3600))
+    failure = fail(tmp_path, "hang", resumable=True)
+    assert failure.cause == "timeout" and "6 s" in failure.problem and f"set {LIMIT_HOURS} higher" in failure.remedy
     for name in ("pid", "worker_pid"):
         wait_until_dead(wait_for_pid(tmp_path, name))
 
 
-def test_a_stage_that_eats_memory_is_killed(tmp_path: Path) -> None:
-    failure = fail(tmp_path, "memory", limit_mib=150.0)
+def test_a_stage_that_eats_memory_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT_MEMORY, str(150 / 1024))
+    failure = fail(tmp_path, "memory")
     assert failure.cause == "memory"
-    assert "150 MiB" in failure.problem
+    assert "150 MiB" in failure.problem and f"set {LIMIT_MEMORY} higher" in failure.remedy
+
+
+def test_memory_that_processes_share_counts_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT_MEMORY, "0.6")
+    assert 300 < run(tmp_path, "share").peak_mib < 500, "300 MiB, shared by four"
+
+
+def test_a_changed_limit_computes_nothing_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = run(tmp_path, "succeed")
+    monkeypatch.setenv(LIMIT_MEMORY, "1")
+    monkeypatch.setenv(LIMIT_HOURS, "1")
+    assert run(tmp_path, "succeed") == first
+
+
+def test_a_wrong_limit_starts_no_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT_HOURS, "for ever")
+    with pytest.raises(UsageError, match=LIMIT_HOURS):
+        run(tmp_path, "succeed")
 
 
 def test_a_run_that_is_cancelled_ends_its_stage(tmp_path: Path) -> None:
@@ -163,8 +184,9 @@ def test_a_listener_that_fails_does_not_end_the_stage(tmp_path: Path, caplog: py
     assert "the server said 500" in caplog.text
 
 
-def test_a_listener_that_sleeps_does_not_hold_up_the_watch(tmp_path: Path) -> None:
-    stage, woken = fake_stage(tmp_path, limit_s=2.0), threading.Event()
+def test_a_listener_that_sleeps_does_not_hold_up_the_watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT_HOURS, str(2 / 3600))
+    stage, woken = fake_stage(tmp_path), threading.Event()
     started = time.monotonic()
     with pytest.raises(StageFailed) as caught:
         make(Store(tmp_path / "home"), stage, FakeConfig(do="hang"), lambda *_: woken.wait(60) and None)

@@ -1,0 +1,47 @@
+"""How long a stage may run and how much memory it may use before it is killed.
+
+These are limits of the machine, not of the scene. They come from the environment, which reaches a run wherever it is
+started, and are no part of a key: changing one computes nothing again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from aug3d_core.run.errors import UsageError
+from aug3d_core.run.memory import total_bytes
+
+LIMIT_HOURS, LIMIT_MEMORY = "AUG3D_LIMIT_HOURS", "AUG3D_LIMIT_MEMORY_GIB"
+_HOURS = 7 * 24.0
+_MEMORY_SHARE = 0.9  # of what the machine, or the container, has
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of one stage, over all its processes."""
+
+    seconds: float
+    mib: float
+
+
+def limits_from(environment: Mapping[str, str]) -> Limits:
+    """Return the limits; raises UsageError that names the variable whose value cannot be right."""
+    hours = _positive(environment, LIMIT_HOURS, _HOURS, "hours")
+    gib = _positive(environment, LIMIT_MEMORY, _MEMORY_SHARE * total_bytes() / 2**30, "GiB")
+    return Limits(hours * 3600, gib * 1024)
+
+
+def _positive(environment: Mapping[str, str], name: str, default: float, unit: str) -> float:
+    told = environment.get(name, "").strip()
+    try:
+        value = float(told) if told else default
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise UsageError(
+            f"{name} is {told!r}, which is no number of {unit} above 0",
+            f"give one, or leave {name} out: the limit is then {default:.1f} {unit}",
+        )
+    return value
