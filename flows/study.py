@@ -22,6 +22,7 @@ from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
+from flows.server import prefect_server
 from flows.settings import apply_local_environment
 
 if TYPE_CHECKING:
@@ -149,10 +150,12 @@ def carry_out(store: Store, name: str, watch: Watch, study: Callable[[Make], Fou
     limits_from(os.environ)  # a wrong one is told before anything is started
     check_servers()
     apply_local_environment(store.root)
-    from flows.study_run import as_flow  # Prefect and MLflow read their settings when they are imported
+    with prefect_server(store.root) as wait_until_ready:
+        from flows.study_run import as_flow  # Prefect and MLflow read their settings when they are imported
 
-    with watch:
-        return as_flow(store, name, watch, study)
+        wait_until_ready()
+        with watch:
+            return as_flow(store, name, watch, study)
 
 
 def publish(store: Store, console: Console, study: Publication) -> Path:
