@@ -3,6 +3,8 @@ SHELL := /bin/bash
 VENV := .venv
 PY := $(VENV)/bin/python
 READY := $(VENV)/.ready
+# One process more than cores (tests/processes.py): tests wait for servers half of their time
+SHARED := -n auto --maxprocesses 4
 
 .PHONY: demo test check setup clean
 
@@ -10,10 +12,10 @@ demo: $(READY)  ## the whole factory on the built-in town
 	@$(VENV)/bin/aug3d demo
 
 test: $(READY)  ## the whole test suite, with the real engines
-	@$(PY) -m pytest -n auto --maxprocesses 4
+	@$(PY) -m pytest $(SHARED)
 
 check: $(READY)  ## lint, types and the quick tests, for daily work
-	@$(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright && $(PY) -m pytest -m "not slow" -q
+	@$(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright && $(PY) -m pytest -m "not slow" -q $(SHARED)
 
 setup: $(READY)  ## install only
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import hypothesis
 import pytest
 from jaxtyping import install_import_hook
-from xdist.remote import Producer
-from xdist.scheduler import LoadScopeScheduling
 
 import tests.shapes  # noqa: F401  (the hook below looks it up by name)
+
+pytest_plugins = ("tests.processes", "tests.skips")
 
 CORE = Path(__file__).parents[1] / "aug3d_core"
 # Array shapes and types in the annotations are checked while testing. This must run before aug3d_core is imported.
@@ -30,47 +30,21 @@ hypothesis.settings.load_profile("aug3d")
 REAL_PHOTOS = Path(__file__).parents[2] / "shared" / "data"
 
 
-_LONG = ("journeys", "infra", "engines", "flows", "tasks")  # folders, the longest first
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave real engines, real servers and whole journeys out of `make check`; long tests come first.
-
-    Processes that share the tests then end at about the same time.
-    """
-    for item in items:
-        if item.path.parent.name in ("engines", "journeys", "tasks"):
-            item.add_marker("slow")
-    items.sort(key=lambda item: _LONG.index(item.path.parent.name) if item.path.parent.name in _LONG else len(_LONG))
-
-
-class Together(LoadScopeScheduling):
-    """A file's tests share what its fixtures make, and all journeys share a scene: one process takes them.
-
-    xdist's own groups have no effect in pytest 9.2, which no longer lets a test's id be changed.
-    """
-
-    def _split_scope(self, nodeid: str) -> str:
-        file = nodeid.partition("::")[0]
-        return "journeys" if Path(file).parent.name == "journeys" else file
-
-
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Together:
-    """Say how tests are shared among processes."""
-    return Together(config, log)
-
-
 @pytest.fixture(scope="session")
 def prefect(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Give the tests a Prefect server and results folder that end with them."""
+    from flows.server import prefect_server
     from flows.settings import local_environment
 
-    for name, value in local_environment(tmp_path_factory.mktemp("home")).items():
+    home = tmp_path_factory.mktemp("home")
+    for name, value in local_environment(home).items():
         os.environ[name] = value
-    from prefect.testing.utilities import prefect_test_harness
+    with prefect_server(home) as wait_until_ready:
+        from prefect.settings import PREFECT_API_URL, temporary_settings
 
-    with prefect_test_harness(server_startup_timeout=180):
-        yield
+        wait_until_ready()
+        with temporary_settings({PREFECT_API_URL: os.environ["PREFECT_API_URL"]}):  # it may be imported already
+            yield
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,7 @@ from typing import Any
 
 from aug3d_core.factory.stages import stage_reading
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.stage import run as take_in
-from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME
+from aug3d_core.run.files import ERROR, FILES, JOB, LOG, OUTCOME
 from aug3d_core.run.fork_server import start
 from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.process import log_tail
@@ -20,9 +18,11 @@ from aug3d_core.run.stage_main import Job
 
 
 def take_photos(folder: Path, out: Path) -> Path:
-    out.mkdir(parents=True)
-    take_in({"folder": folder}, PhotosConfig(), out, lambda done, total, what: None)
-    return out
+    """Run the photos stage; return the folder that has its files. It loads OpenCV, which must not meet pycolmap in a test."""
+    made = out.with_name(f"{out.name}_stage")
+    outcome = run_stage("photos", made, {"folder": folder})
+    assert "problem" not in outcome, outcome
+    return (made / FILES).rename(out)
 
 
 def run_stage(

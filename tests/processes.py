@@ -1,0 +1,180 @@
+"""Which process runs which tests: engines that must not meet stay apart, and tests that share a scene stay together.
+
+A pytest plugin. Processes are of two kinds, by the engines that they may load; each collects only the files that it may run.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
+
+from tests.engine_imports import engines_of, mixed
+
+_KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
+_SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
+_LONGEST_FIRST = (
+    "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/infra", "tests/engines", "tests/flows",
+    "tests/tasks",
+)  # fmt: skip
+# Files of one scene: what the first of them makes, the others use.
+_TOGETHER = {
+    "tests/journeys/test_study.py": "tests/journeys/test_demo.py",
+    "tests/journeys/test_bad_input.py": "tests/journeys/test_daily_use.py",
+    "tests/journeys/test_import.py": "tests/journeys/test_daily_use.py",
+}
+
+
+class Apart(LoadScopeScheduling):
+    """Gives a file's tests to one process, and to none that has not collected them.
+
+    xdist's own groups have no effect in pytest 9.2, which no longer lets a test's id be changed.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0]
+        return _TOGETHER.get(file, file)
+
+    def add_node_collection(self, node: WorkerController, collection: list[str]) -> None:
+        """Take what a process collected; one that replaces a crashed one has collected the same."""
+        self.registered_collections[node] = list(collection)
+
+    def schedule(self) -> None:
+        """Share out the tests of all processes, the longest first."""
+        if self.collection is None:
+            collected = dict.fromkeys(test for tests in self.registered_collections.values() for test in tests)
+            self.collection = sorted(collected, key=lambda nodeid: _rank(self._split_scope(nodeid)))
+            for nodeid in self.collection:
+                self.workqueue.setdefault(self._split_scope(nodeid), {})[nodeid] = False
+            # xdist tells pytest what the last process has collected
+            self.config.pluginmanager.getplugin("dsession")._session.testscollected = len(self.collection)
+        for _ in range(2):  # a process begins a test when it knows the next one
+            for node in self.nodes:
+                self._reschedule(node)
+
+    def _reschedule(self, node: WorkerController) -> None:
+        if node.shutting_down or node not in self.registered_collections:
+            return
+        scope = self._next_for(node)
+        if scope is None:
+            node.shutdown()
+        elif self._pending_of(self.assigned_work[node]) <= 2:
+            self.workqueue.move_to_end(scope, last=False)
+            self._assign_work_unit(node)
+
+    def _next_for(self, node: WorkerController) -> str | None:
+        able = set(self.registered_collections[node])
+        return next((scope for scope, unit in self.workqueue.items() if able.issuperset(unit)), None)
+
+
+def _rank(scope: str) -> int:
+    return next((i for i, begins in enumerate(_LONGEST_FIRST) if scope.startswith(begins)), len(_LONGEST_FIRST))
+
+
+class Kinds:
+    """The controller's list of what kind its processes are; one that replaces a crashed one is of the same kind."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, tuple[str, ...]] = {}
+
+    def pytest_configure_node(self, node: WorkerController) -> None:
+        """Tell a process which engines it may load; any, if it is the only one."""
+        if len(node.config.option.tx) > 1:
+            there = Counter(self._of.values())
+            self._of[node.gateway.id] = min(_KINDS, key=lambda kind: there[kind])
+            node.workerinput["engines"] = self._of[node.gateway.id]
+
+    def pytest_testnodedown(self, node: WorkerController, error: object) -> None:
+        """Forget a process that has ended."""
+        self._of.pop(node.gateway.id, None)
+
+
+class Collecting:
+    """A process's own choice of files, made before any is imported: importing a test file loads its engines."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        given: dict[str, Any] = getattr(config, "workerinput", {})
+        self._may = given.get("engines")
+        self._loads: dict[str, Path] = {}
+        if self._may:  # a file that is named is not left out silently, so its name is taken back
+            config.args[:] = [arg for arg in config.args if not self._foreign(_file(config, arg))]
+
+    def pytest_ignore_collect(self, collection_path: Path, config: pytest.Config) -> bool | None:
+        """Leave out what this process may not load, and whole folders of slow tests where these are not wanted."""
+        slow = collection_path.name in _SLOW and config.option.markexpr == "not slow"
+        return True if slow or self._foreign(collection_path) else None
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_make_collect_report(self, collector: pytest.Collector) -> None:
+        """Stop before a file is imported that would bring the wrong engines together, where no other process may take it."""
+        if isinstance(collector, pytest.Module) and not self._may:
+            self._check(collector.path)
+
+    def _foreign(self, file: Path) -> bool:
+        return bool(self._may) and _is_test(file) and not engines_of(file) <= set(self._may)
+
+    def _check(self, file: Path) -> None:
+        engines = engines_of(file)
+        if pairs := mixed(engines) or mixed({*engines, *self._loads}):
+            others = {path.name for engine, path in self._loads.items() if engine in " ".join(pairs)}
+            pytest.exit(
+                f"{file} would bring {', '.join(sorted(pairs))} into one process ({', '.join(sorted(others))}): "
+                "run these tests with -n 2, or one file at a time",
+                returncode=pytest.ExitCode.USAGE_ERROR,
+            )
+        self._loads |= dict.fromkeys(engines, file)
+
+
+def _is_test(path: Path) -> bool:
+    return path.suffix == ".py" and path.name.startswith("test_")
+
+
+def _file(config: pytest.Config, argument: str) -> Path:
+    return config.invocation_params.dir / argument.partition("::")[0]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose files in each process that collects; the controller of several does not."""
+    config.pluginmanager.register(Collecting(config), "collecting")
+    config.pluginmanager.register(Kinds(), "kinds")
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Use one process more than cores, since half of a test's time is waiting; so there are always both kinds."""
+    return 1 + len(os.sched_getaffinity(0))
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Apart:
+    """Say how tests are shared among processes."""
+    return Apart(config, log)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what the quick tests leave out."""
+    for item in items:
+        if item.path.parent.name in _SLOW:
+            item.add_marker("slow")
+
+
+@pytest.fixture(scope="session")
+def mixed_so_far() -> set[str]:
+    """Return the pairs of engines that have been found in this process."""
+    return set()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def engines_stay_apart(mixed_so_far: set[str]) -> Iterator[None]:
+    """Fail where a test file has brought engines into its process that corrupt each other's memory."""
+    yield
+    found = mixed(sys.modules) - mixed_so_far
+    mixed_so_far |= found
+    assert not found, f"{', '.join(sorted(found))} are in one process: run one of them in a process of its own"
