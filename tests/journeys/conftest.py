@@ -7,11 +7,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from flows.server import prefect_server
+from flows.settings import local_environment
 from tests.journeys.small_town import OVERRIDES
 
 
@@ -21,6 +24,19 @@ def own_environment() -> Iterator[None]:
     ours = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith(("PREFECT_", "MLFLOW_"))}
     yield
     os.environ.update(ours)
+
+
+@pytest.fixture(scope="session")
+def served(own_environment: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """Return an environment in which programs find a Prefect server: starting one takes each of them seconds."""
+    home = tmp_path_factory.mktemp("served")
+    with ExitStack() as stack:
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in local_environment(home).items():
+                patch.setenv(name, value)
+            stack.enter_context(prefect_server(home))()
+            address = os.environ.pop("PREFECT_API_URL")
+        yield {**os.environ, "PREFECT_API_URL": address}
 
 
 @pytest.fixture(scope="session")

@@ -14,13 +14,12 @@ from PIL import Image
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
-def refuse(tmp_path: Path, folder: Path) -> dict[str, str]:
+def refuse(tmp_path: Path, folder: Path, served: dict[str, str]) -> dict[str, str]:
     """Run the factory; return the failure it told, after checking that it left a record of it."""
     aug3d = str(Path(sys.executable).parent / "aug3d")
     home = tmp_path / "home"
-    done = subprocess.run(
-        [aug3d, "run", "bad", "--photos", str(folder), "--json", "--home", str(home)], capture_output=True, text=True
-    )
+    words = [aug3d, "run", "bad", "--photos", str(folder), "--json", "--home", str(home)]
+    done = subprocess.run(words, capture_output=True, text=True, env=served)
     assert done.returncode == 1, done.stderr
     told = json.loads(done.stdout)
     assert told["state"] == "refused"
@@ -34,16 +33,16 @@ def noise_photo(path: Path, seed: int) -> None:
     Image.fromarray(pixels).resize((400, 300), Image.Resampling.BICUBIC).save(path, quality=90)
 
 
-def test_an_empty_folder(tmp_path: Path) -> None:
+def test_an_empty_folder(tmp_path: Path, served: dict[str, str]) -> None:
     (tmp_path / "photos").mkdir()
-    failure = refuse(tmp_path, tmp_path / "photos")
+    failure = refuse(tmp_path, tmp_path / "photos", served)
     assert str(tmp_path / "photos") in failure["problem"]
 
 
-def test_thirty_photos_of_nothing_in_common(tmp_path: Path) -> None:
+def test_thirty_photos_of_nothing_in_common(tmp_path: Path, served: dict[str, str]) -> None:
     folder = tmp_path / "photos"
     folder.mkdir()
     for seed in range(30):
         noise_photo(folder / f"{seed:02d}.jpg", seed)
-    failure = refuse(tmp_path, folder)
+    failure = refuse(tmp_path, folder, served)
     assert "30" in failure["problem"] and failure["remedy"]

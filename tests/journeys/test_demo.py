@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,9 @@ def command(home: Path, *more: str) -> list[str]:
     return [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *OVERRIDES, *more]
 
 
-def run(home: Path, *more: str) -> dict[str, Any]:
-    done = subprocess.run(command(home, *more), capture_output=True, text=True)
+def run(home: Path, *more: str, env: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Run the factory; without an environment it starts a Prefect server of its own."""
+    done = subprocess.run(command(home, *more), capture_output=True, text=True, env=env)
     assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout)
 
@@ -87,19 +89,23 @@ def test_mlflow_holds_the_run(first: dict[str, Any], home: Path) -> None:
     assert steps > 1
 
 
-def test_a_second_run_computes_nothing(first: dict[str, Any], home: Path) -> None:
-    again = run(home)
+def test_a_second_run_computes_nothing(first: dict[str, Any], home: Path, served: dict[str, str]) -> None:
+    again = run(home, env=served)
     assert computed(again) == set()
     assert digests(again) == digests(first)
 
 
-def test_a_training_setting_runs_only_training_and_evaluation(first: dict[str, Any], home: Path) -> None:
-    changed = run(home, "--set", "training.steps=31")
+def test_a_training_setting_runs_only_training_and_evaluation(
+    first: dict[str, Any], home: Path, served: dict[str, str]
+) -> None:
+    changed = run(home, "--set", "training.steps=31", env=served)
     assert computed(changed) == {"training", "evaluation"}
 
 
-def test_in_folds_each_block_is_tested_once_and_what_the_folds_share_is_kept(first: dict[str, Any], home: Path) -> None:
-    folded = run(home, "--set", "grouping.folds=2")
+def test_in_folds_each_block_is_tested_once_and_what_the_folds_share_is_kept(
+    first: dict[str, Any], home: Path, served: dict[str, str]
+) -> None:
+    folded = run(home, "--set", "grouping.folds=2", env=served)
     shared = [stage.name for stage in FROM_TOWN[: FROM_TOWN.index(STAGES["grouping"])]]
     assert computed(folded).isdisjoint(shared)
     assert "evaluation_fold1" in folded["stages"]
@@ -107,7 +113,7 @@ def test_in_folds_each_block_is_tested_once_and_what_the_folds_share_is_kept(fir
     held_out = sum(metrics["support_views"] + metrics["target_views"] for metrics in roles)
     assert held_out == first["stages"]["sfm"]["metrics"]["registered"]
     assert folded["nvs"]["test_views"] == sum(metrics["target_views"] for metrics in roles)
-    assert computed(run(home, "--set", "grouping.folds=2")) == set()
+    assert computed(run(home, "--set", "grouping.folds=2", env=served)) == set()
 
 
 def test_killed_at_many_moments_it_ends_in_the_same_digests(first: dict[str, Any], tmp_path: Path) -> None:

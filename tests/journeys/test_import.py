@@ -18,9 +18,9 @@ from tests.engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
-def aug3d(*words: str | Path) -> subprocess.CompletedProcess[str]:
+def aug3d(*words: str | Path, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     program = str(Path(sys.executable).parent / "aug3d")
-    return subprocess.run([program, *map(str, words)], capture_output=True, text=True, check=False)
+    return subprocess.run([program, *map(str, words)], capture_output=True, text=True, check=False, env=env)
 
 
 def transforms(file: Path, **changes: Any) -> Path:
@@ -68,10 +68,10 @@ def test_what_holds_no_poses_is_told_before_anything_is_started(photos: Path, tm
     ],
 )
 def test_poses_that_cannot_be_used_end_in_one_sentence(
-    changes: dict[str, Any], words: str, photos: Path, tmp_path: Path
+    changes: dict[str, Any], words: str, photos: Path, tmp_path: Path, served: dict[str, str]
 ) -> None:
     home, given = tmp_path / "home", transforms(tmp_path / "transforms.json", **changes)
-    done = aug3d("run", "bad", "--photos", photos, "--poses", given, "--json", "--home", home)
+    done = aug3d("run", "bad", "--photos", photos, "--poses", given, "--json", "--home", home, env=served)
     assert done.returncode == 1, done.stderr
     failure = json.loads(done.stdout)["failure"]
     assert words in failure["problem"] and failure["remedy"]

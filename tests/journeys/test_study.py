@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -35,31 +34,30 @@ def command(home: Path, study: str) -> list[str]:
     return [aug3d, "study", study, "demo", "--quick", "--json", "--home", str(home), *SETTINGS]
 
 
-def run(home: Path, study: str) -> dict[str, Any]:
-    done = subprocess.run(command(home, study), capture_output=True, text=True)
+def run(home: Path, study: str, env: dict[str, str]) -> dict[str, Any]:
+    done = subprocess.run(command(home, study), capture_output=True, text=True, env=env)
     assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout)
 
 
 @pytest.fixture(scope="module")
-def studied(home: Path, first: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a home with the small town alone, found made: other journeys have changed their own."""
-    studied = tmp_path_factory.mktemp("study")
-    shutil.copytree(home / layout.OBJECTS, studied / layout.OBJECTS)
-    assert not computed(run_demo(studied))
-    return studied
+def studied(home: Path, first: dict[str, Any], served: dict[str, str]) -> Path:
+    """Return the home with the small town, found made: a study takes the settings of the last run, which may be another."""
+    assert not computed(run_demo(home, env=served))
+    return home
 
 
-def test_a_grouping_study_that_is_killed_goes_on(studied: Path) -> None:
+def test_a_grouping_study_that_is_killed_goes_on(studied: Path, served: dict[str, str]) -> None:
     before = {stage: made(studied, stage) for stage in ("sfm", "depth", "surface")}
-    study = subprocess.Popen(command(studied, "grouping"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    nowhere = subprocess.DEVNULL
+    study = subprocess.Popen(command(studied, "grouping"), stdout=nowhere, stderr=nowhere, env=served)
     trained = len(made(studied, "training"))
     while study.poll() is None and len(made(studied, "training")) == trained:
         time.sleep(0.2)
     os.kill(study.pid, signal.SIGKILL)
     study.wait()
     kept = made(studied, "training")
-    told = run(studied, "grouping")
+    told = run(studied, "grouping", served)
     arms = {arm["arm"]: arm for arm in told["arms"]}
     assert len(made(studied, "training")) == trained + 2 * 2 and kept <= made(studied, "training")
     assert before == {stage: made(studied, stage) for stage in before}, "poses and mesh are the scene's own"
@@ -70,8 +68,8 @@ def test_a_grouping_study_that_is_killed_goes_on(studied: Path) -> None:
     assert same_tests(studied, told) == 1
 
 
-def test_an_augmentation_study_adds_virtual_views(studied: Path) -> None:
-    told = run(studied, "augmentation")
+def test_an_augmentation_study_adds_virtual_views(studied: Path, served: dict[str, str]) -> None:
+    told = run(studied, "augmentation", served)
     arms = {arm["arm"]: arm for arm in told["arms"]}
     assert arms["real, K auto"]["virtual_views"] == 0 and arms["real + grid, K auto"]["virtual_views"] >= 4
     scores = pd.read_parquet(Path(told["folder"]) / layout.STUDY_SCORES)
