@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from aug3d_core.factory.stages import FROM_PHOTOS
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import scene_file, write_scene
 from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.store import Store
-from tests.made_up_stages import Stages
+from tests.flows.stand_in import FEW, Stages, make_of_few
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
+
+
+@pytest.fixture(autouse=True)
+def mlflow_is_ready(fresh_mlflow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give each test a database that is made already: MLflow takes seconds for it."""
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{shutil.copy(fresh_mlflow, tmp_path)}")
 
 
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
     stand_in = Stages(folds=1)
     monkeypatch.setattr("tasks.build_task.build", stand_in.build)
+    make_of_few(monkeypatch)
     return stand_in
 
 
@@ -57,7 +64,7 @@ def test_only_what_changed_is_made_and_only_what_is_no_worse_is_published(stages
     entry = add_scene(store, "little")
     first = end_of("little", entry)
     assert (first.name, first.is_completed()) == ("Published", True)
-    assert set(stages.computed) == {stage.name for stage in FROM_PHOTOS}
+    assert set(stages.computed) == {stage.name for stage in FEW}
     good = published(store, "little")
     stages.computed.clear()
 

@@ -1,18 +1,38 @@
-"""Stand-in stages for the flow over a scene: what is made, in which order, from what."""
+"""Stand-in stages for the flow over a scene: what is made, in which order, from what; and a factory of six of them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pytest
 
+from aug3d_core.factory.material import Material
+from aug3d_core.factory.stages import STAGES
 from aug3d_core.heads.pixelnerf.config import EvaluationConfig
 from aug3d_core.judging.summary import summary
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.stage import Stage
 from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 from tests.stand_in_stages import Made, StandIn, fold_of, write_split, write_test
+
+# A task run takes Prefect a tenth of a second, so rules that any list of stages shows are tried on a short one.
+_INPUTS = {
+    "photos": ("folder",),
+    "grouping": ("photos",),
+    "depth": ("photos", "grouping"),
+    "surface": ("depth",),
+    "training": ("grouping", "surface"),
+    "evaluation": ("grouping", "training"),
+}
+FEW = tuple(replace(STAGES[name], inputs=inputs, reads={}) for name, inputs in _INPUTS.items())
+
+
+def make_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the factory have six stages."""
+    monkeypatch.setattr(Material, "stages", lambda _: FEW)
 
 
 class Stages(StandIn):
