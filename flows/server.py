@@ -99,8 +99,9 @@ def _start_with(database: Path | None) -> dict[str, str]:
         return {}
     lay_out(layout.PREFECT, database)
     look = str(not is_current(layout.PREFECT, database))
-    # Blocks are forms of the pages. `aug3d up` adds them.
-    return {"PREFECT_API_DATABASE_MIGRATE_ON_START": look, "PREFECT_API_BLOCKS_REGISTER_ON_START": look}
+    # Blocks are forms of the pages. `aug3d up` adds them, unless it finds a note (memo) that they were added.
+    blocks = {"PREFECT_API_BLOCKS_REGISTER_ON_START": look, "PREFECT_MEMOIZE_BLOCK_AUTO_REGISTRATION": look}
+    return {"PREFECT_API_DATABASE_MIGRATE_ON_START": look, **blocks}
 
 
 def main() -> None:
