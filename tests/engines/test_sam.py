@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,40 +15,32 @@ from aug3d_core.domes.methods import METHODS, sam
 from aug3d_core.domes.orthographic import Slice
 from aug3d_core.run.errors import InputError
 from tests.engines.little_town import config, site_over, town
+from tests.engines.sam_forks import SamForks
 
-# In a process of its own: torch must not share one with the ray caster. The model is sure of everything, and its logits
-# are so large that outlines are stable.
-MAKE_WEIGHTS = """
-import sys, torch
-from transformers import SamConfig, SamModel
-torch.manual_seed(3)
-model = SamModel(SamConfig(
-    vision_config=dict(
-        hidden_size=16, num_hidden_layers=2, num_attention_heads=2, image_size=64, patch_size=8, mlp_dim=32,
-        output_channels=16, global_attn_indexes=[1], window_size=4, num_pos_feats=8,
-    ),
-    prompt_encoder_config=dict(
-        hidden_size=16, image_size=64, patch_size=8, mask_input_channels=4, image_embedding_size=8
-    ),
-    mask_decoder_config=dict(hidden_size=16, mlp_dim=32, num_attention_heads=2, iou_head_hidden_dim=16),
-))
-with torch.no_grad():
-    model.mask_decoder.iou_prediction_head.proj_out.bias.fill_(1.0)
-    for head in model.mask_decoder.output_hypernetworks_mlps:
-        head.proj_out.weight.mul_(1e9)
-model.save_pretrained(sys.argv[1])
-"""
-pytestmark = pytest.mark.slow  # each worker starts torch and transformers
+pytestmark = pytest.mark.slow  # torch and transformers start twice
 installed = pytest.mark.skipif(
     find_spec("transformers") is None, reason="transformers (the extra sam) is not installed"
 )
 
 
 @pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def forks() -> Iterator[SamForks]:
+    """Return a process of its own for torch, which must not share one with the ray caster."""
+    with SamForks() as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def weights(forks: SamForks, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("weights")
-    subprocess.run([sys.executable, "-c", MAKE_WEIGHTS, str(folder)], check=True, capture_output=True)
+    forks.make_weights(folder)
     return folder
+
+
+@pytest.fixture
+def quick(forks: SamForks, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fork each worker from a process that has imported all that it needs."""
+    monkeypatch.setattr(sam, "run_worker", forks.run_worker)
 
 
 def everything_built(rgb: np.ndarray) -> Slice:
@@ -64,6 +55,7 @@ def picture() -> np.ndarray:
 
 
 @installed
+@pytest.mark.usefixtures("quick")
 def test_outlines_come_from_the_model_and_are_the_same_each_time(weights: Path) -> None:
     rgb = picture()
     piece = everything_built(rgb)
@@ -73,6 +65,7 @@ def test_outlines_come_from_the_model_and_are_the_same_each_time(weights: Path) 
 
 
 @installed
+@pytest.mark.usefixtures("quick")
 def test_what_is_not_built_is_left_out(weights: Path) -> None:
     rgb = picture()
     piece = replace(everything_built(rgb), built=np.zeros(rgb.shape[:2], bool))
@@ -81,13 +74,19 @@ def test_what_is_not_built_is_left_out(weights: Path) -> None:
 
 @installed
 def test_the_method_plans_domes(weights: Path) -> None:
+    """This one by a worker as the product starts it."""
     surface, site = site_over(town(tower=4.0))
-    site = replace(site, ground=replace(site.ground, rgb=np.full_like(site.ground.rgb, 128)))
-    answer = METHODS["sam"](surface, site, config(sam_weights=str(weights)), np.random.default_rng(0))
+    ground, coarse = site.ground, np.s_[2::4, 2::4]  # each of a thousand outlines is as large as the raster
+    rgb = np.full_like(ground.rgb[coarse], 128)
+    ground = replace(ground, height=ground.height[coarse], rgb=rgb, square=4 * ground.square)
+    answer = METHODS["sam"](
+        surface, replace(site, ground=ground), config(sam_weights=str(weights)), np.random.default_rng(0)
+    )
     assert answer.buildings is not None and len(answer.cameras) > 0
 
 
 @installed
+@pytest.mark.usefixtures("quick")
 def test_weights_of_another_kind_are_refused(weights: Path, tmp_path: Path) -> None:
     (tmp_path / "config.json").write_bytes((weights / "config.json").read_bytes())
     save_file({"weight": np.zeros(3, np.float32)}, tmp_path / "model.safetensors", {"format": "pt"})
