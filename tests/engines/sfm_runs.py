@@ -15,6 +15,7 @@ from aug3d_core.run.fork_server import start
 from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.process import log_tail
 from aug3d_core.run.stage_main import Job
+from tests.engines.little_scene import poses, write_flight
 
 
 def take_photos(folder: Path, out: Path) -> Path:
@@ -59,6 +60,16 @@ def run_sfm(
         return matched
     inputs = {"photos": photos, "matching": matches / "files"} | ({"earlier": earlier} if earlier else {})
     return run_stage("sfm", folder, inputs, cpus, **(sfm or {}))
+
+
+def fly(folder: Path) -> None:
+    """Write twelve photographs with good GPS to `in`, take them in as `photos`, and reconstruct them as `sfm`."""
+    photos = take_photos(write_flight(folder / "in", poses(), noise_m=0.2), folder / "photos")
+    run_sfm(photos, folder / "sfm")
+
+
+def outcome_of(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / OUTCOME).read_bytes())
 
 
 def loaded(folder: Path) -> tuple[Views, Points, Tracks]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -35,11 +36,8 @@ def run_python(code: str, *arguments: Path) -> None:
 class Flight:
     """Twelve photographs taken in, matched, and reconstructed as the factory does it."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
-        self.raw = write_flight(folder / "in", poses(), noise_m=0.2, seed=seed)
-        self.photos = take_photos(self.raw, folder / "photos")
-        run_stage("matching", folder / "matching", {"photos": self.photos})
-        self.matching = folder / "matching" / "files"
+    def __init__(self, folder: Path) -> None:
+        self.photos, self.matching = folder / "photos", folder / "sfm_matching" / "files"
 
     def take_poses(self, given: Path, folder: Path, photos: Path | None = None) -> dict[str, Any]:
         """Run the poses and sfm stages as FROM_MODEL or FROM_POSES would; return the outcome or the first error."""
@@ -54,16 +52,35 @@ class Flight:
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    return Flight(tmp_path_factory.mktemp("flight"), seed=0)
+def flight(little_flight: Path) -> Flight:
+    return Flight(little_flight)
 
 
 @pytest.fixture(scope="module")
-def computed(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(little_flight: Path) -> Path:
     """Return the files of the sfm stage that computed the poses."""
-    folder = tmp_path_factory.mktemp("computed")
-    run_stage("sfm", folder / "sfm", {"photos": flight.photos, "matching": flight.matching})
-    return folder / "sfm" / "files"
+    return little_flight / "sfm" / "files"
+
+
+@pytest.fixture(scope="module")
+def large_model(flight: Flight, computed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the computed model, turned and scaled, for images three times as large, under the photographs' names."""
+    folder = tmp_path_factory.mktemp("large")
+    code = """
+        import sys, numpy as np, pandas as pd, pycolmap
+        model, names = pycolmap.Reconstruction(sys.argv[1]), pd.read_parquet(sys.argv[2])["name"]
+        for image in model.images.values():
+            image.name = "somewhere/" + names[int(image.name[:6])]
+            for point in image.points2D:
+                point.xy = point.xy * 3
+        for camera in model.cameras.values():
+            camera.rescale(3.0)
+        turn = np.array([0.1, 0.5, 0.3, 0.8]) / np.linalg.norm([0.1, 0.5, 0.3, 0.8])
+        model.transform(pycolmap.Sim3d(0.013, pycolmap.Rotation3d(turn), [3, 4, 5]))
+        model.write_binary(sys.argv[3])
+    """
+    run_python(code, computed / "model", flight.photos / "photos.parquet", folder)
+    return folder
 
 
 def transforms(folder: Path, cam_from_world: np.ndarray, **changes: Any) -> Path:
@@ -77,12 +94,16 @@ def transforms(folder: Path, cam_from_world: np.ndarray, **changes: Any) -> Path
     return folder
 
 
-def mega_nerf(folder: Path, cam_from_world: np.ndarray) -> Path:
-    """Write the flight's poses by the steps of Mega-NeRF's own scripts/colmap_to_mega_nerf.py."""
-    folder.mkdir()
-    np.save(folder / "poses.npy", cam_from_world)
+@pytest.fixture(scope="module")
+def mega_nerf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the flight's poses by the steps of Mega-NeRF's own scripts/colmap_to_mega_nerf.py; and `evil.pt`.
+
+    That one would make a file `owned` beside it, if it were unpickled as a program may be.
+    """
+    folder = tmp_path_factory.mktemp("mega_nerf")
+    np.save(folder / "poses.npy", poses())
     code = """
-        import sys, numpy as np, torch
+        import os, sys, numpy as np, torch
         from pathlib import Path
         folder, focal = Path(sys.argv[1]), float(sys.argv[2])
         drb_from_rdf = torch.tensor([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]], dtype=torch.float64)
@@ -106,6 +127,10 @@ def mega_nerf(folder: Path, cam_from_world: np.ndarray) -> Path:
             lines.append(f"photo_{i}.jpg,{i:06d}.pt\\n")
         (folder / "mappings.txt").write_text("".join(lines))
         torch.save({"origin_drb": origin.float(), "pose_scale_factor": scale}, folder / "coordinates.pt")
+        class Evil:
+            def __reduce__(self):
+                return os.system, (f"touch {folder / 'owned'}",)
+        torch.save({"c2w": Evil()}, folder / "evil.pt")
     """
     run_python(code, folder, Path(str(FOCAL_PX)))
     return folder
@@ -161,26 +186,21 @@ def test_the_same_poses_give_the_same_bytes(flight: Flight, tmp_path: Path) -> N
         assert cmp(first / file, second / file, shallow=False), file
 
 
-def test_true_poses_from_mega_nerf_triangulate(flight: Flight, tmp_path: Path) -> None:
-    outcome = flight.take_poses(mega_nerf(tmp_path / "mega", poses()), tmp_path)
+def test_true_poses_from_mega_nerf_triangulate(flight: Flight, mega_nerf: Path, tmp_path: Path) -> None:
+    outcome = flight.take_poses(mega_nerf, tmp_path)
     assert (outcome["state"], outcome["metrics"]["registered"]) == ("ok", 12)
     assert most_off(tmp_path / "sfm" / "files", poses()) < 1e-5  # stored in single precision
     assert np.median(reprojection_px(tmp_path / "sfm" / "files")) < 0.5
 
 
-def test_a_mega_nerf_file_that_would_run_a_program_is_refused_and_does_not(flight: Flight, tmp_path: Path) -> None:
-    folder = mega_nerf(tmp_path / "mega", poses())
-    code = """
-        import os, sys, torch
-        class Evil:
-            def __reduce__(self):
-                return os.system, (f"touch {sys.argv[2]}",)
-        torch.save({"c2w": Evil()}, sys.argv[1])
-    """
-    run_python(code, folder / "train" / "metadata" / "000003.pt", tmp_path / "owned")
+def test_a_mega_nerf_file_that_would_run_a_program_is_refused_and_does_not(
+    flight: Flight, mega_nerf: Path, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(mega_nerf, tmp_path / "mega")
+    shutil.copy(folder / "evil.pt", folder / "train" / "metadata" / "000003.pt")
     error = flight.take_poses(folder, tmp_path)
     assert "train/metadata/000003.pt cannot be read as plain tensors" in error["problem"]
-    assert not (tmp_path / "owned").exists()
+    assert not (mega_nerf / "owned").exists()
 
 
 @pytest.mark.parametrize("form", ["colmap", "nerfstudio"])
@@ -209,10 +229,9 @@ def test_an_exported_scene_comes_back_as_it_was(form: str, flight: Flight, compu
 
 
 def test_a_model_for_larger_photographs_in_any_frame_is_scaled_exactly(
-    flight: Flight, computed: Path, tmp_path: Path
+    flight: Flight, computed: Path, large_model: Path, tmp_path: Path
 ) -> None:
-    write_large_model(flight, computed, tmp_path / "large")
-    outcome = flight.take_poses(tmp_path / "large", tmp_path)
+    outcome = flight.take_poses(large_model, tmp_path)
     assert (outcome["state"], outcome["metrics"]["registered"]) == ("ok", 12)
     before, after = Views.load(computed / "views.npz"), Views.load(tmp_path / "sfm" / "files" / "views.npz")
     assert most_off(tmp_path / "sfm" / "files", before.cam_from_world) < 1e-6
@@ -222,29 +241,9 @@ def test_a_model_for_larger_photographs_in_any_frame_is_scaled_exactly(
     )
 
 
-def write_large_model(flight: Flight, computed: Path, folder: Path) -> None:
-    """Write the computed model, turned and scaled, for images three times as large, under the photographs' names."""
-    folder.mkdir()
-    code = """
-        import sys, numpy as np, pandas as pd, pycolmap
-        model, names = pycolmap.Reconstruction(sys.argv[1]), pd.read_parquet(sys.argv[2])["name"]
-        for image in model.images.values():
-            image.name = "somewhere/" + names[int(image.name[:6])]
-            for point in image.points2D:
-                point.xy = point.xy * 3
-        for camera in model.cameras.values():
-            camera.rescale(3.0)
-        turn = np.array([0.1, 0.5, 0.3, 0.8]) / np.linalg.norm([0.1, 0.5, 0.3, 0.8])
-        model.transform(pycolmap.Sim3d(0.013, pycolmap.Rotation3d(turn), [3, 4, 5]))
-        model.write_binary(sys.argv[3])
-    """
-    run_python(code, computed / "model", flight.photos / "photos.parquet", folder)
-
-
-def test_a_model_of_another_flight_under_the_same_names(flight: Flight, computed: Path, tmp_path: Path) -> None:
-    write_large_model(flight, computed, tmp_path / "model")
+def test_a_model_of_another_flight_under_the_same_names(flight: Flight, large_model: Path, tmp_path: Path) -> None:
     photos = take_photos(write_flight(tmp_path / "in", poses(seed=5), seed=9), tmp_path / "photos")
-    error = flight.take_poses(tmp_path / "model", tmp_path, photos)
+    error = flight.take_poses(large_model, tmp_path, photos)
     assert error["cause"] == "refused"
     assert "the photographs contradict the given poses: 12 of 12 do not fit" in error["problem"]
 
@@ -257,9 +256,8 @@ def test_a_model_of_other_photographs(flight: Flight, computed: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("file", ["images.bin", "points3D.bin", "cameras.bin"])
-def test_a_damaged_model(file: str, flight: Flight, computed: Path, tmp_path: Path) -> None:
-    write_large_model(flight, computed, tmp_path / "model")
-    damaged = tmp_path / "model" / file
+def test_a_damaged_model(file: str, flight: Flight, large_model: Path, tmp_path: Path) -> None:
+    damaged = shutil.copytree(large_model, tmp_path / "model") / file
     damaged.write_bytes(damaged.read_bytes()[: damaged.stat().st_size // 2])
     error = flight.take_poses(tmp_path / "model", tmp_path)
     assert error["cause"] == "refused"

@@ -20,8 +20,8 @@ from PIL import Image
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
-from tests.engines.little_scene import FOCAL_PX, poses, write_flight
-from tests.engines.sfm_runs import run_stage, take_photos
+from tests.engines.little_scene import FOCAL_PX
+from tests.engines.sfm_runs import outcome_of, run_stage, take_photos
 
 pytestmark = pytest.mark.slow
 
@@ -84,17 +84,15 @@ def copy_some(flown: Path, folder: Path, which: Iterable[int]) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Return a folder with `in`, `photos` and `all`, the finished stage over 12 photographs, and its outcome."""
-    folder = tmp_path_factory.mktemp("matched")
-    photos = take_photos(write_flight(folder / "in", poses(), noise_m=0.2), folder / "photos")
-    return folder, run_matching(photos, folder / "all")
+@pytest.fixture
+def flown(little_flight: Path) -> tuple[Path, dict[str, Any]]:
+    """Return a folder with `in`, `photos` and `sfm_matching`, the finished stage over 12 photographs, and its outcome."""
+    return little_flight, outcome_of(little_flight / "sfm_matching")
 
 
 def test_metrics_and_table_agree(flown: tuple[Path, dict[str, Any]]) -> None:
     folder, outcome = flown
-    metrics, table = outcome["metrics"], pd.read_parquet(files_of(folder / "all") / MATCHING_TABLE)
+    metrics, table = outcome["metrics"], pd.read_parquet(files_of(folder / "sfm_matching") / MATCHING_TABLE)
     assert (metrics["photos"], metrics["pairs_possible"], metrics["pairs_tried"]) == (12, 66, 66)
     assert metrics["pairs_by"] == "exhaustive"
     assert table["matched_pairs"].sum() == 2 * metrics["pairs_matched"] > 40
@@ -109,14 +107,14 @@ def test_photographs_as_they_are_show_no_feature_smaller_than_their_pixels(
 ) -> None:
     run_matching(flown[0] / "photos", tmp_path / "as_they_are", first_octave=0)
     doubled_px, as_they_are_px = (
-        min_scale_px(files_of(made), tmp_path) for made in (flown[0] / "all", tmp_path / "as_they_are")
+        min_scale_px(files_of(made), tmp_path) for made in (flown[0] / "sfm_matching", tmp_path / "as_they_are")
     )
     assert doubled_px < 1 < 1.6 <= as_they_are_px
 
 
 def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     run_matching(flown[0] / "photos", tmp_path / "one", cpus={min(os.sched_getaffinity(0))})
-    assert_same_files(files_of(flown[0] / "all"), files_of(tmp_path / "one"))
+    assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(tmp_path / "one"))
 
 
 def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
@@ -128,14 +126,14 @@ def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]
     as_stored = [(files / FEATURES).read_bytes() for files in earlier]
     grown = run_matching(flown[0] / "photos", tmp_path / "grown", earlier)["metrics"]
     assert (grown["photos_reused"], grown["pairs_reused"], grown["pairs_tried"]) == (10, 45, 66)
-    assert_same_files(files_of(flown[0] / "all"), files_of(tmp_path / "grown"))
+    assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(tmp_path / "grown"))
     assert [(files / FEATURES).read_bytes() for files in earlier] == as_stored
 
 
 def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     fewer = take_photos(copy_some(flown[0], tmp_path / "in", [0, 1, 2, 4, 5]), tmp_path / "photos")
     run_matching(fewer, tmp_path / "anew")
-    shrunk = run_matching(fewer, tmp_path / "shrunk", [files_of(flown[0] / "all")])["metrics"]
+    shrunk = run_matching(fewer, tmp_path / "shrunk", [files_of(flown[0] / "sfm_matching")])["metrics"]
     assert (shrunk["photos_reused"], shrunk["pairs_reused"]) == (5, 10)
     assert_same_files(files_of(tmp_path / "anew"), files_of(tmp_path / "shrunk"))
 
@@ -151,7 +149,7 @@ def test_another_order_and_another_lens_are_verified_again(flown: tuple[Path, di
     image.save(tmp_path / "in" / "p15.jpg", quality=95)
     photos = take_photos(tmp_path / "in", tmp_path / "photos")
     run_matching(photos, tmp_path / "anew")
-    grown = run_matching(photos, tmp_path / "grown", [files_of(flown[0] / "all")])["metrics"]
+    grown = run_matching(photos, tmp_path / "grown", [files_of(flown[0] / "sfm_matching")])["metrics"]
     assert grown["photos_reused"] >= 7
     assert grown["pairs_reused"] == 0
     assert_same_files(files_of(tmp_path / "anew"), files_of(tmp_path / "grown"))

@@ -19,17 +19,15 @@ from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.stage import run as take_in
 from tests.engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
-from tests.engines.sfm_runs import loaded, run_sfm, take_photos
+from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, take_photos
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+@pytest.fixture
+def flown(little_flight: Path) -> tuple[Path, dict[str, Any]]:
     """Return a finished stage's folder over 12 photographs with good GPS, and its outcome."""
-    folder = tmp_path_factory.mktemp("flown")
-    photos = take_photos(write_flight(folder / "in", poses(), noise_m=0.2), folder / "photos")
-    return folder, run_sfm(photos, folder / "sfm")
+    return little_flight, outcome_of(little_flight / "sfm")
 
 
 def true_poses(world: dict[str, Any]) -> np.ndarray:
