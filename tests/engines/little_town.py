@@ -1,5 +1,7 @@
 """A level ground of 80 x 60 with a corner missing and, if wanted, a tower in the middle, for the tests of sampling."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from aug3d_core.domes.config import SamplingConfig
@@ -30,6 +32,14 @@ def town(tower: float = 0.0) -> Mesh:
 
 
 def site_over(mesh: Mesh, drawn: int = VIEWS_PER_DOME) -> tuple[Raycaster, Site]:
+    """Return the ray caster and the site of a mesh. Meshes alike share them: nothing may write to their arrays."""
+    return _site_over(mesh.xyz.tobytes(), mesh.rgb.tobytes(), mesh.triangles.tobytes(), drawn)
+
+
+@lru_cache(maxsize=16)
+def _site_over(xyz: bytes, rgb: bytes, triangles: bytes, drawn: int) -> tuple[Raycaster, Site]:
+    arrays = [np.frombuffer(*part).reshape(-1, 3) for part in ((xyz, "f4"), (rgb, "u1"), (triangles, "i4"))]
+    mesh = Mesh(*(array.copy() for array in arrays))
     surface = Raycaster(mesh.xyz, mesh.triangles)
     ground = height_raster(mesh, surface)
     high = relief(ground, np.random.default_rng(0))

@@ -15,6 +15,7 @@ from aug3d_core.domes.height_raster import MOST_PX, RASTER_PX, HeightRaster, hei
 from aug3d_core.domes.methods import METHODS
 from aug3d_core.domes.orthographic import buildings_among, cut, dividing_height, without_threads
 from aug3d_core.domes.place import looked_at
+from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.run.errors import InputError
@@ -205,8 +206,9 @@ def test_buildings_too_small_for_the_photos_get_no_dome() -> None:
 
 
 def test_the_raster_is_as_fine_as_asked_within_reason() -> None:
-    mesh = town()
-    surface = site_over(mesh)[0]
+    corners = np.array([[-40, -1, 0], [40, -1, 0], [40, 1, 0], [-40, 1, 0]], np.float32)  # narrow, so with few squares
+    mesh = Mesh(corners, np.full((4, 3), 128, np.uint8), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    surface = Raycaster(mesh.xyz, mesh.triangles)
     for widest, square in [(np.inf, 80 / RASTER_PX), (0.1, 0.1), (1.0, 80 / RASTER_PX), (1e-6, 80 / MOST_PX)]:
         assert height_raster(mesh, surface, widest).square == pytest.approx(square)
 

@@ -221,12 +221,12 @@ def built(flight, tmp_path_factory):
 
 
 @pytest.mark.parametrize("colour", ["vertex", "texture"])
-def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, tmp_path, colour):
-    outcome = build_surface(flight, tmp_path, colour=colour)
+def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, built, tmp_path, colour):
+    outcome, out = built if colour == "texture" else (build_surface(flight, tmp_path, colour=colour), tmp_path)
     truth = hills()
     caster = Raycaster(truth.xyz, truth.triangles)
     for name in (MESH, BASELINE_MESH):
-        xyz = Mesh.load(tmp_path / name).xyz.astype(float)
+        xyz = Mesh.load(out / name).xyz.astype(float)
         inner = (np.abs(xyz[:, :2]) < 38).all(axis=1)  # at the rim the surface hangs over
         assert np.percentile(caster.distance(xyz[inner]), 95) < 0.25  # half a pixel of the photos
     assert outcome.metrics["render_psnr"] > 28
@@ -234,11 +234,11 @@ def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, tmp_path, 
     assert outcome.metrics["covered_share"] > 0.9
     assert outcome.metrics["decimation_error_gsd"] <= 0.5
     assert outcome.state == "ok"
-    with Image.open(tmp_path / BASELINE_RENDERS / image_name(4)) as render:
+    with Image.open(out / BASELINE_RENDERS / image_name(4)) as render:
         assert render.size == (101, 75)
         assert render.mode == "RGBA"
-    assert all((tmp_path / path).is_file() for path in outcome.pictures.values())
-    assert (tmp_path / TEXTURED_MESH).exists() == (colour == "texture")
+    assert all((out / path).is_file() for path in outcome.pictures.values())
+    assert (out / TEXTURED_MESH).exists() == (colour == "texture")
 
 
 def test_the_lake_is_a_hole_and_the_blob_is_gone(built):
