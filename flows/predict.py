@@ -15,7 +15,7 @@ from aug3d_core.factory.build import build, work_of
 from aug3d_core.factory.material import Source, source_of
 from aug3d_core.factory.plan import stage_of
 from aug3d_core.factory.stages import PREDICTION, TRAINING
-from aug3d_core.heads.pixelnerf.config import PredictionConfig
+from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.files import PREDICTION as NOVEL_PREDICTION
 from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTION_VIEW
 from aug3d_core.run.errors import UsageError
@@ -141,9 +141,10 @@ def _place(option: str, text: str | None) -> tuple[float, float, float] | None:
 def _handed_over(files: Path, out: Path | None) -> dict[str, str]:
     """Return where the pictures are: in the store, or where the user wanted a copy."""
     pictures = {"picture": NOVEL_PREDICTION, "depth": PREDICTION_DEPTH, "panel": PREDICTION_PANEL}
+    pictures = {what: name for what, name in pictures.items() if (files / name).exists()}  # a head may predict no depth
     if out is None:
         return {what: str(files / name) for what, name in pictures.items()}
-    there = {"picture": out} | {what: out.with_stem(f"{out.stem}_{what}") for what in ("depth", "panel")}
+    there = {what: out.with_stem(f"{out.stem}_{what}") for what in pictures} | {"picture": out}
     for what, path in there.items():
         shutil.copyfile(files / pictures[what], path)
     return {what: str(path) for what, path in there.items()}
@@ -171,9 +172,12 @@ def _told(
 def _print(told: Mapping[str, Any]) -> None:
     photos, figures = ", ".join(map(str, told["inputs"])), told["metrics"]
     console = Console()
-    lines = {"view": told["picture"], "depth": told["depth"], "with inputs": told["panel"]}
+    lines = {"view": told["picture"], "depth": told.get("depth", "none"), "with inputs": told["panel"]}
     lines["from photos"] = f"{photos}; they show {figures['ground_seen_share']:.0%} of the ground in view"
-    lines["depth range"] = f"{figures['depth_near']:.4g} (bright) to {figures['depth_far']:.4g}, world units along z"
+    if "depth_near" in figures:
+        lines["depth range"] = (
+            f"{figures['depth_near']:.4g} (bright) to {figures['depth_far']:.4g}, world units along z"
+        )
     if "psnr" in figures:
         lines["against it"] = f"{figures['psnr']:.2f} dB, SSIM {figures['ssim']:.3f}"
     for name, value in lines.items():

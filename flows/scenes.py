@@ -13,6 +13,7 @@ from rich.console import Console
 from aug3d_core.factory.config import SIZES, scene_config
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.nested import nested, value_at
 from aug3d_core.scene_files import (
     SceneEntry,
     Schedule,
@@ -204,11 +205,11 @@ def _check_photos(photos: Path | None, town: bool) -> None:
 def _settings(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:
     """Return overrides of the form `stage.field=value` as the registry holds them, checked and typed."""
     config = scene_config(preset, overrides).model_dump(mode="json")
-    settings: dict[str, dict[str, Any]] = {}
-    for override in overrides:
-        stage, _, field = override.partition("=")[0].partition(".")
-        settings.setdefault(stage, {})[field] = config[stage][field]
-    return settings
+    paths = [override.partition("=")[0] for override in overrides]
+    chosen = {path: value_at(config, path) for path in paths if path != "training.head"}
+    return nested(
+        ({"training.head.name": config["training"]["head"]["name"]} if "training.head" in paths else {}) | chosen
+    )
 
 
 def _schedule(now: Schedule | None, cron: str | None, every: str | None, timezone: str | None) -> Schedule:

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from aug3d_core.factory.config import AUTO
 from aug3d_core.factory.plan import stage_of
+from aug3d_core.heads.config import title_of
 from flows.display import figure
 
 _WIDTH = 120
@@ -76,7 +77,9 @@ def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
     table.add_column("PSNR dB", justify="right")
     table.add_column("SSIM", justify="right")
     table.add_row(
-        "PixelNeRF (model)", f"{nvs['test_psnr_mean']:.2f}  [{low:.2f}, {high:.2f}]", f"{nvs['test_ssim_mean']:.3f}"
+        title_of(nvs.get("head")),
+        f"{nvs['test_psnr_mean']:.2f}  [{low:.2f}, {high:.2f}]",
+        f"{nvs['test_ssim_mean']:.3f}",
     )
     for name, psnr in nvs["cheap"].items():
         table.add_row(name.replace("_", " "), "-" if psnr is None else f"{psnr:.2f}", "")

@@ -16,10 +16,10 @@ from mlflow.entities.model_registry import ModelVersion
 from mlflow.tracking import MlflowClient
 
 from aug3d_core.factory.plan import fold_count
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.store.published import RULES
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
-from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 
 BEST, PUBLISHED = "best", "published"
 _FOLDER = "model"
@@ -78,7 +78,7 @@ def _tags(records: Mapping[str, Record], metrics: Mapping[str, Any]) -> dict[str
         f"digest.{stage}": records[stage].digest for stage in ("dataset", "training", "evaluation") if stage in records
     }
     tags |= {"key.training": records["training"].key, "folds": fold_count(records)}
-    tags |= {name: tested[name] for name in (*_SCORES, *RULES) if name in tested}
+    tags |= {name: tested[name] for name in ("head", *_SCORES, *RULES) if name in tested}
     return {name: str(value) for name, value in tags.items()}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
 from aug3d_core.dataset.files import SCENE_ZARR
-from aug3d_core.heads.pixelnerf.config import TRAINING_PRESETS, TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PRESETS, PixelNerfConfig
 from aug3d_core.heads.pixelnerf.speed_job import FAST, PLAIN, SpeedJob, SpeedTold
 from aug3d_core.run.helper_process import run_worker
 from aug3d_core.store.store import Store
@@ -74,13 +74,12 @@ def town_figures(trial: Trial) -> dict[str, Figure]:
     }
 
 
-def paper(changes: Mapping[str, int]) -> TrainingConfig:
-    """Return the paper's network at another size, for one group of real photographs."""
-    alone = {"encoder_weights": "random", "rendered_share": 0.0, "groups_per_step": 1, "rays_per_group": RAYS}
-    return TRAINING_PRESETS["paper"].model_copy(update={**changes, **alone})
+def paper(changes: Mapping[str, int]) -> PixelNerfConfig:
+    """Return the paper's network at another size."""
+    return PRESETS["paper"]["head"].model_copy(update={**changes, "encoder_weights": "random", "rays_per_group": RAYS})
 
 
-def _measure(packed: Path, config: TrainingConfig, what: str, say: Say, memory_of: str | None = None) -> SpeedTold:
+def _measure(packed: Path, config: PixelNerfConfig, what: str, say: Say, memory_of: str | None = None) -> SpeedTold:
     say("speed", 0, 1, what)
     repeats = 1 if memory_of else REPEATS
     job = SpeedJob(scene=packed, config=config, side_px=SIDE_PX, repeats=repeats, memory_of=memory_of)

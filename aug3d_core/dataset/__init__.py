@@ -9,6 +9,8 @@ rendered    renders of domes -> packed views, and the domes that are still group
 leaks       the audit that no test pixel reaches training
 writer      scene -> Zarr v3
 reader      Zarr v3 -> scene
+batches     the groups of a training step;  rays: pixels -> rays
+projection  where views see the ground, where points lie in views;  new_views: views without pixels
 contact     the contact sheet
 stage       the stage `dataset`
 """

@@ -1,66 +1,97 @@
-"""What one training step sees: groups, some of their members as inputs, and rays of the others (all in numpy)."""
+"""What one training step sees: groups, some of their members as inputs, the others as targets (all in numpy).
+
+A target is a whole image. A head that looks at some pixels only says how many, and finds them drawn in each group.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from aug3d_core.dataset.rays import Rays, pixel_rays
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
 from aug3d_core.run.errors import InputError
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Groups of a step: the inputs of each, and the rays of its targets (group after group)."""
+class Wanted:
+    """What a step is to see. pixels: of each group's targets; None for whole images. rendered_share: of the groups."""
 
-    inputs: Int[np.ndarray, "g v"]
-    rays: Rays
-    colour: Float[np.ndarray, "r 3"]  # truth in [0, 1]
-    weight: Float[np.ndarray, " r"]  # 0 where a render shows nothing
+    groups: int
+    input_views: int
+    rendered_share: float
+    pixels: int | None
 
 
-def check_groups(scene: Scene, config: TrainingConfig) -> None:
+@dataclass(frozen=True)
+class Group:
+    """A group of views of one scene, as rows of it.
+
+    scene: its place in the list of scenes. pixels: view, x, y of the pixels that were drawn from the targets.
+    """
+
+    scene: int
+    inputs: Int[np.ndarray, " v"]
+    targets: Int[np.ndarray, " t"]
+    pixels: Int[np.ndarray, "p 3"] | None = None
+
+
+def check_groups(scenes: Sequence[Scene], wanted: Wanted) -> None:
     """Raise InputError unless every group set to be drawn from can give inputs and at least one target."""
-    sets = _sets(scene, config)
-    if not sets:
-        raise InputError("the data set has no training group", "give the scene more photographs that overlap")
-    for name in sets:
-        members = scene.groups[name].shape[1]
-        if config.input_views >= members:
-            raise InputError(
-                f"input_views = {config.input_views} leaves no target in the {members} members of groups/{name}",
-                f"set input_views below {members}, or group more views together",
-            )
+    for scene in scenes:
+        sets = _sets(scene, wanted)
+        if not sets:
+            raise InputError("the data set has no training group", "give the scene more photographs that overlap")
+        for name in sets:
+            members = scene.groups[name].shape[1]
+            if wanted.input_views >= members:
+                raise InputError(
+                    f"input_views = {wanted.input_views} leaves no target in the {members} members of groups/{name}",
+                    f"set input_views below {members}, or group more views together",
+                )
 
 
-def draw(scene: Scene, config: TrainingConfig, rng: np.random.Generator) -> Batch:
-    """Draw a training step."""
-    sets = _sets(scene, config)
-    shares = [config.rendered_share if name == "rendered" else 1 - config.rendered_share for name in sets]
-    shares = np.array(shares if len(sets) > 1 else [1.0])
-    inputs, targets = [], []
-    for _ in range(config.groups_per_step):
-        groups = scene.groups[sets[rng.choice(len(sets), p=shares)]]
-        order = rng.permutation(groups[rng.integers(len(groups))])
-        inputs.append(order[: config.input_views])
-        targets.append(rng.choice(order[config.input_views :], config.rays_per_group))
-    return _rays(scene, config, np.stack(inputs), np.concatenate(targets), rng)
+def draw(scenes: Sequence[Scene], wanted: Wanted, rng: np.random.Generator) -> tuple[Group, ...]:
+    """Draw the groups of a training step; each scene is as likely as any other."""
+    drawn = [_draw_group(scenes, wanted, rng) for _ in range(wanted.groups)]
+    if wanted.pixels is None:
+        return tuple(Group(number, inputs, targets) for number, inputs, targets, _ in drawn)
+    widths = [scenes[number].width_px for number, *_ in drawn]
+    heights = [scenes[number].height_px for number, *_ in drawn]
+    columns = [rng.integers(width, size=wanted.pixels) for width in widths]
+    rows = [rng.integers(height, size=wanted.pixels) for height in heights]
+    return tuple(
+        Group(number, inputs, targets, np.stack([views, x, y], axis=1))
+        for (number, inputs, targets, views), x, y in zip(drawn, columns, rows, strict=True)
+    )
 
 
-def _rays(
-    scene: Scene, config: TrainingConfig, inputs: np.ndarray, view: np.ndarray, rng: np.random.Generator
-) -> Batch:
-    x, y = rng.integers(scene.width_px, size=len(view)), rng.integers(scene.height_px, size=len(view))
-    rays = pixel_rays(scene, view, np.stack([x, y], axis=1) + 0.5, config.slab_bounds)
-    return Batch(inputs, rays, scene.images[view, y, x] / 255.0, (scene.alpha[view, y, x] >= 128).astype(float))
+def pixel_colours(
+    scene: Scene, pixels: Int[np.ndarray, "p 3"]
+) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
+    """Return the colours in [0, 1] of pixels (view, x, y), and a weight of each: 0 where a render shows nothing."""
+    view, x, y = pixels.T
+    return scene.images[view, y, x] / 255.0, (scene.alpha[view, y, x] >= 128).astype(float)
 
 
-def _sets(scene: Scene, config: TrainingConfig) -> list[str]:
+def _draw_group(
+    scenes: Sequence[Scene], wanted: Wanted, rng: np.random.Generator
+) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the scene, inputs, targets, and the target of each pixel (none for whole images)."""
+    number = int(rng.integers(len(scenes)))
+    scene = scenes[number]
+    sets = _sets(scene, wanted)
+    shares = [wanted.rendered_share if name == "rendered" else 1 - wanted.rendered_share for name in sets]
+    groups = scene.groups[sets[rng.choice(len(sets), p=np.array(shares if len(sets) > 1 else [1.0]))]]
+    order = rng.permutation(groups[rng.integers(len(groups))])
+    inputs, targets = order[: wanted.input_views], order[wanted.input_views :]
+    return number, inputs, targets, rng.choice(targets, wanted.pixels or 0)
+
+
+def _sets(scene: Scene, wanted: Wanted) -> list[str]:
     """Return the group sets to draw from: those that exist and have a share."""
-    wanted = [("real", 1 - config.rendered_share), ("rendered", config.rendered_share)]
-    found = [name for name, share in wanted if share > 0 and len(scene.groups[name])]
-    return found or [name for name, _ in wanted if len(scene.groups[name])]
+    shares = [("real", 1 - wanted.rendered_share), ("rendered", wanted.rendered_share)]
+    found = [name for name, share in shares if share > 0 and len(scene.groups[name])]
+    return found or [name for name, _ in shares if len(scene.groups[name])]

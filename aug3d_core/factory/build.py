@@ -53,9 +53,13 @@ class Built:
 
 def work_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> Work:
     """Return what is to be built of a stage's inputs, with its key."""
-    recipe = recipe_of(stage, config)
+    recipe = recipe_of(stage, config, _code_run(stage, sources))
     digests = {name: source.digest for name, source in sources.items()}
     return Work(stage, config, sources, recipe, object_key(recipe, digests))
+
+
+def _code_run(stage: Stage, sources: Mapping[str, Source]) -> list[str]:
+    return [module for name in stage.runs if name in sources for module in sources[name].modules]
 
 
 def build(store: Store, work: Work, progress: Progress) -> Built:
@@ -76,7 +80,8 @@ def build(store: Store, work: Work, progress: Progress) -> Built:
 
 def _compute(store: Store, work: Work, progress: Progress) -> Record:
     stage = work.stage
-    if recipe_of(stage, work.config) != work.recipe:  # the wait for the lock and the turn may have been long
+    # The wait for the lock and the turn may have been long
+    if recipe_of(stage, work.config, _code_run(stage, work.sources)) != work.recipe:
         raise StageFailed(
             stage.name, "error", "the code of aug3d or an engine changed after this run began", "run again", "", ""
         )
@@ -93,6 +98,7 @@ def _compute(store: Store, work: Work, progress: Progress) -> Record:
             "recipe": work.recipe,
             "config": job.config,
             "inputs": work.input_digests,
+            "modules": work.config.modules,
             "versions": engine_versions(stage, work.config),
             "seconds": round(cost.seconds, 3),
             "cpu_seconds": round(cost.cpu_seconds, 2),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import Field, ValidationError, field_validator
@@ -12,16 +12,19 @@ from aug3d_core.depth.config import DepthConfig
 from aug3d_core.domes.config import SamplingConfig
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.groups.config import GroupingConfig, SimilarityConfig
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig, TrainingConfig
+from aug3d_core.heads.config import DEFAULT, names
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.overlap.config import OverlapConfig
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.poses.config import PosesConfig
 from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.nested import flat, merged, value_at, within
 from aug3d_core.run.stage import Frozen
 from aug3d_core.sfm.config import MatchingConfig, SfmConfig
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.town.config import MeshTruthConfig, TownConfig, TruthConfig
+from aug3d_core.training.config import TrainingConfig, presets
 
 AUTO = "auto"
 PRESETS = ("tiny", "small", "paper", AUTO)
@@ -72,15 +75,35 @@ def scene_config(preset: str, overrides: Iterable[str] = ()) -> SceneConfig:
     """Return a preset with overrides of the form `stage.field=value`; raises UsageError naming the wrong one."""
     if preset not in PRESETS:
         raise UsageError(f"there is no preset {preset!r}", f"choose one of {', '.join(PRESETS)}")
-    return overridden(_preset(preset), overrides)
+    return overridden(_preset(preset), overrides, preset)
 
 
-def overridden(config: SceneConfig, overrides: Iterable[str]) -> SceneConfig:
-    """Return a configuration with overrides of the form `stage.field=value`; raises UsageError naming the wrong one."""
+def overridden(config: SceneConfig, overrides: Iterable[str], preset: str = _BASE) -> SceneConfig:
+    """Return a configuration with overrides of the form `stage.field=value`; raises UsageError naming the wrong one.
+
+    preset: that of another head, where an override chooses one.
+    """
     values = config.model_dump()
     for override in overrides:
-        _override(values, override)
+        values = _overridden(values, override, preset)
     return validated_config(values)
+
+
+def with_settings(preset: str, settings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a preset's values with settings of stages over them, not checked yet; raises UsageError for an unknown head.
+
+    A setting that the preset leaves open is set by them.
+    """
+    values = scene_config(preset).model_dump()
+    for stage, fields in settings.items():
+        head = fields.get("head") if stage == "training" else None
+        name = head.get("name") if isinstance(head, Mapping) else head
+        if isinstance(name, str):
+            values = _with_head(values, name, preset)
+            fields = {**fields, "head": {"name": name, **(head if isinstance(head, Mapping) else {})}}
+        values[stage] = merged(values.get(stage, {}), fields)
+    set_here = flat(settings)
+    return {**values, "auto": tuple(path for path in values["auto"] if path not in set_here)}
 
 
 def left_open(config: SceneConfig, stage: str) -> tuple[str, ...]:
@@ -88,8 +111,9 @@ def left_open(config: SceneConfig, stage: str) -> tuple[str, ...]:
     named = [name.partition(".")[2] for name in config.auto if name.partition(".")[0] == stage]
     if not named:
         return ()
-    chosen, base = getattr(config, stage), getattr(_preset(AUTO), stage)
-    return tuple(field for field in named if getattr(chosen, field) == getattr(base, field))
+    base = _preset(AUTO, config.training.head.name)
+    chosen, usual = (flat(getattr(one, stage).model_dump()) for one in (config, base))
+    return tuple(field for field in named if field in chosen and chosen[field] == usual[field])
 
 
 def validated_config(values: dict[str, Any]) -> SceneConfig:
@@ -98,22 +122,28 @@ def validated_config(values: dict[str, Any]) -> SceneConfig:
         return SceneConfig.model_validate(values)
     except ValidationError as error:
         wrong = "; ".join(
-            f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg'].lower()}"
-            for e in error.errors(include_url=False)
+            f"{'.'.join(place(e['loc']))}={e['input']!r}: {e['msg'].lower()}" for e in error.errors(include_url=False)
         )
         raise UsageError(
-            f"the configuration is not valid: {wrong}", "mend the value, or leave it out to use the preset's"
+            f"the configuration is not valid: {wrong}", "correct the value, or leave it out to use the preset's"
         ) from error
 
 
-def _preset(name: str) -> SceneConfig:
+def place(loc: Iterable[str | int]) -> tuple[str, ...]:
+    """Return the path of a wrong setting from what pydantic tells: it puts the name of a head between `head` and its field."""
+    named = tuple(map(str, loc))
+    return tuple(name for n, name in enumerate(named) if not (n and named[n - 1] == "head" and name in names()))
+
+
+def _preset(name: str, head: str = DEFAULT) -> SceneConfig:
     if name == AUTO:
-        base = _preset(_BASE)
+        base = _preset(_BASE, head)
         return base.model_copy(update={"auto": LEFT_OPEN, "grouping": base.grouping.model_copy(update={"k": "auto"})})
-    return SceneConfig.model_validate({stage.name: stage.presets[name] for stage in STAGES.values() if stage.presets})
+    stages = {stage.name: stage.presets[name] for stage in STAGES.values() if stage.presets}
+    return SceneConfig.model_validate(stages | {"training": presets(head)[name]})
 
 
-def _override(values: dict[str, Any], override: str) -> None:
+def _overridden(values: dict[str, Any], override: str, preset: str) -> dict[str, Any]:
     path, equals, text = override.partition("=")
     stage, _, field = path.partition(".")
     stages = [name for name in values if name != "auto"]
@@ -123,8 +153,32 @@ def _override(values: dict[str, Any], override: str) -> None:
         )
     if stage not in stages:
         raise UsageError(f"--set {override!r}: there is no stage {stage!r}", f"choose one of {', '.join(stages)}")
-    if field not in values[stage]:
-        known = ", ".join(values[stage]) or "none"
-        raise UsageError(f"--set {override!r}: stage {stage} has no field {field!r}", f"its fields are: {known}")
-    values[stage][field] = None if text.lower() in ("none", "null") else text
-    values["auto"] = tuple(name for name in values["auto"] if name != path)  # whoever sets it decides it
+    if path in ("training.head", "training.head.name"):
+        return _with_head(values, text, preset)
+    try:
+        value_at(values, path)
+    except KeyError as error:
+        raise _unknown(values, override, stage, str(error.args[0])) from error
+    value = None if text.lower() in ("none", "null") else text
+    decided = tuple(name for name in values["auto"] if name != path)  # whoever sets it decides it
+    return merged(values, within(path, value)) | {"auto": decided}
+
+
+def _unknown(values: Mapping[str, Any], override: str, stage: str, path: str) -> UsageError:
+    """Return the error of an override of a field that is not there, with the fields that are."""
+    above, _, field = path.rpartition(".")
+    beside = value_at(values, above)
+    near = f"training.head.{field}"
+    hint = f"did you mean {near}?" if above == "training" and field in values["training"]["head"] else ""
+    known = ", ".join(beside) if isinstance(beside, Mapping) and beside else "none"
+    what = f"stage {stage}" if above == stage else above
+    return UsageError(f"--set {override!r}: {what} has no field {field!r}", hint or f"its fields are: {known}")
+
+
+def _with_head(values: dict[str, Any], name: str, preset: str) -> dict[str, Any]:
+    """Return the values with another head, trained as the preset has it; those of the same head stay as they are."""
+    if name not in names():
+        raise UsageError(f"there is no head {name!r}", f"choose one of {', '.join(names())}")
+    if values["training"]["head"]["name"] == name:
+        return values
+    return values | {"training": presets(name)[_BASE if preset == AUTO else preset].model_dump()}

@@ -15,10 +15,11 @@ from aug3d_core.town.files import TOWN_PHOTOS
 
 
 class Source(Frozen):
-    """An input of a stage: a folder of files, and the digest of its content."""
+    """An input of a stage: a folder of files, the digest of its content, and the code that the settings behind it named."""
 
     path: Path
     digest: str
+    modules: tuple[str, ...] = ()
 
 
 class Material(Frozen):
@@ -39,7 +40,7 @@ class Material(Frozen):
 def source_of(store: Store, record: Record, reads: Sequence[str] = ()) -> Source:
     """Return a finished object as an input of a stage. reads: the only files that the stage reads of it, empty for all."""
     digest = files_digest({name: record.files[name] for name in reads}) if reads else record.digest
-    return Source(path=store.files_dir(record), digest=digest)
+    return Source(path=store.files_dir(record), digest=digest, modules=record.modules)
 
 
 def gather(store: Store, stage: Stage, records: Mapping[str, Record], material: Material) -> dict[str, Source]:

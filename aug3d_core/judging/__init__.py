@@ -1,1 +1,9 @@
-"""TODO."""
+"""The stage `evaluation`: a trained head on held-out photographs, beside cheap answers. Knows a predicted View, no head.
+
+config         how the model is judged
+stage          the stage: score, draw, report
+scores         scores of every test view;  conventions: how answers are scored, with a digest
+summary        scores -> means, groups, intervals, of one fold or several (numpy)
+cheap_answers  what the model must beat (numpy)
+panels         pictures to look at;  flythrough: a short flight around a test view
+"""

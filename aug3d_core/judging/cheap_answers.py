@@ -7,11 +7,11 @@ is the best guess, and whose view of the ground is the least distorted.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 
-from aug3d_core.dataset.rays import pixel_centres, view_rays
+from aug3d_core.dataset.projection import ground_points, project
+from aug3d_core.dataset.rays import pixel_centres
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.geometry.transforms import invert
 
 
 def cheap_answers(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
@@ -36,26 +36,6 @@ def rank(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> Int[np.nda
         use = reached & ahead
         moved.append(np.median(np.linalg.norm(there[use] - here[use], axis=1)) if use.any() else np.inf)
     return inputs[np.argsort(moved, kind="stable")]
-
-
-def ground_points(scene: Scene, view: int) -> tuple[Float[np.ndarray, "r 3"], Bool[np.ndarray, " r"]]:
-    """Return where the rays of a view's pixels meet the ground plane, and whether they do."""
-    rays = view_rays(scene, view, slab_bounds=False)
-    t = scene.slab.meet(rays.origins, rays.directions, 0.0)
-    reached = np.isfinite(t)
-    return rays.origins + np.where(reached, t, 1.0)[:, None] * rays.directions, reached
-
-
-def project(
-    scene: Scene, view: int, points_in_world: Float[np.ndarray, "p 3"]
-) -> tuple[Float[np.ndarray, "p 2"], Bool[np.ndarray, " p"]]:
-    """Return the pixels of points in a view, and whether they are in front of it."""
-    cam_from_world = invert(scene.world_from_cam[view][:3])
-    in_cam = points_in_world @ cam_from_world[:, :3].T + cam_from_world[:, 3]
-    ahead = in_cam[:, 2] > 1e-6
-    fx, fy, cx, cy = scene.intrinsics[view]
-    z = np.where(ahead, in_cam[:, 2], 1.0)
-    return np.stack([in_cam[:, 0] / z * fx + cx, in_cam[:, 1] / z * fy + cy], axis=1), ahead
 
 
 def ground_homography(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:

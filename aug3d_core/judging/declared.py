@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aug3d_core.heads.pixelnerf.config import EVALUATION_PRESETS, EvaluationConfig
+from aug3d_core.judging.config import PRESETS, EvaluationConfig
 from aug3d_core.run.metric import declared
 from aug3d_core.run.stage import Stage
 
@@ -10,17 +10,18 @@ EVALUATION = Stage(
     name="evaluation",
     description="PSNR on held-out photographs.",
     config=EvaluationConfig,
-    presets=EVALUATION_PRESETS,
+    presets=PRESETS,
     inputs=("dataset", "training"),
     entry="aug3d_core.judging.stage:run",
     engines=("pillow", "scikit-image", "torch"),
+    runs=("training",),
     accuracy="test_psnr_mean",
     metrics=declared(
         higher=(
             "test_psnr_mean test_psnr_ci_low test_psnr_ci_high test_psnr_median test_psnr_p5 test_psnr_best "
-            "test_psnr_worst test_ssim_mean coarse_psnr_mean over_best_cheap_db group_*"
+            "test_psnr_worst test_ssim_mean *_psnr_mean over_best_cheap_db group_*"
         ),
-        neither="test_views conventions test_photos cheap_*",
+        neither="head test_views conventions test_photos cheap_*",
     ),
     decidable=("input_views",),
 )

@@ -1,6 +1,6 @@
 """A short flight rendered by the model: once around a test camera, within reach of its inputs, which stay the same.
 
-With it, from the same inputs: the depth that the model sees and the homography over the ground. There is no truth to fly
+With it, from the same inputs: the depth that the model predicts and the homography over the ground. There is no truth to fly
 through, so this is for the eye; it enters no score.
 """
 
@@ -12,41 +12,40 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from PIL import Image
 
+from aug3d_core.dataset.new_views import facing, only, with_views
+from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
-from aug3d_core.heads.pixelnerf.prediction import predict
+from aug3d_core.heads.head import Head, View
 from aug3d_core.judging.cheap_answers import ground_homography
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.panels import depth_colours, grid
-from aug3d_core.novel.views import facing, middle_ground, only, with_views
 
 REACH = 0.5  # radius of the flight, share of the middle distance from the test camera to its inputs
 FRAME_MS = 120
 
 
 def fly(
-    model: PixelNeRF, scene: Scene, target: int, inputs: Int[np.ndarray, " v"], config: EvaluationConfig
+    head: Head, scene: Scene, target: int, inputs: Int[np.ndarray, " v"], config: EvaluationConfig
 ) -> list[UInt8[np.ndarray, "H W 3"]]:
     """Render the frames of a flight that ends where it began."""
     intrinsics = scene.intrinsics[target]
     poses = around(scene, target, inputs, config.flythrough_frames)
     seen = np.arange(len(inputs))
     small, frames = with_views(only(scene, inputs), poses, intrinsics, seen)
-    said = [predict(model, small, int(frame), seen, config.rays_per_batch) for frame in frames]
-    depth = np.stack([one.depth for one in said])
-    bounds = tuple(np.quantile(depth, [0.01, 0.99]))  # of all frames, so that depth does not flicker
+    views = [head.predict(small, int(frame), seen) for frame in frames]
+    depths = [one.depth for one in views if one.depth is not None]
+    bounds = (
+        tuple(np.quantile(np.stack(depths), [0.01, 0.99])) if depths else None
+    )  # of all frames: depth does not flicker
     return [
-        grid(
-            [
-                [
-                    ("model", one.fine),
-                    ("its depth", depth_colours(one.depth, bounds)),
-                    ("ground homography", ground_homography(small, int(frame), seen)),
-                ]
-            ]
-        )
-        for frame, one in zip(frames, said, strict=True)
+        grid([[*_of_head(head, one, bounds), ("ground homography", ground_homography(small, int(frame), seen))]])
+        for frame, one in zip(frames, views, strict=True)
     ]
+
+
+def _of_head(head: Head, view: View, bounds: tuple[float, float] | None) -> list[tuple[str, np.ndarray]]:
+    depth = [] if view.depth is None else [("its depth", depth_colours(view.depth, bounds))]
+    return [(head.config.title, view.colour), *depth]
 
 
 def around(scene: Scene, target: int, inputs: Int[np.ndarray, " v"], frames: int) -> Float[np.ndarray, "f 4 4"]:

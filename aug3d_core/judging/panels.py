@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, UInt8
 from PIL import Image, ImageDraw
 
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.heads.pixelnerf.prediction import Prediction
+from aug3d_core.heads.head import View
 
 SCALE, LABEL_PX, GAP_PX = 2, 14, 4  # small views are shown twice as large
 ERROR_FULL = 64  # mean absolute error over channels that is drawn at full strength, 8-bit steps
@@ -22,7 +22,7 @@ def panel(
     scene: Scene,
     target: int,
     inputs: Int[np.ndarray, " v"],
-    prediction: Prediction,
+    view: View,
     answers: dict[str, np.ndarray],
     scores: dict[str, float],
 ) -> UInt8[np.ndarray, "H W 3"]:
@@ -31,10 +31,10 @@ def panel(
     rows = [
         [*((f"input {i + 1}", scene.images[v]) for i, v in enumerate(inputs)), ("truth", truth)],
         [
-            (f"fine {scores['psnr']:.1f} dB", prediction.fine),
-            (f"coarse {scores['coarse_psnr']:.1f} dB", prediction.coarse),
-            ("depth", depth_colours(prediction.depth)),
-            ("error", error_colours(truth, prediction.fine)),
+            (f"prediction {scores['psnr']:.1f} dB", view.colour),
+            *((f"{name} {scores[f'{name}_psnr']:.1f} dB", picture) for name, picture in view.parts.items()),
+            *_depth(view),
+            ("error", error_colours(truth, view.colour)),
         ],
         [(f"{name.replace('_', ' ')} {scores[f'{name}_psnr']:.1f} dB", image) for name, image in answers.items()],
     ]
@@ -42,19 +42,19 @@ def panel(
 
 
 def summary_panel(
-    scene: Scene, shown: list[tuple[int, Int[np.ndarray, " v"], Prediction, dict[str, np.ndarray], dict[str, float]]]
+    scene: Scene, shown: list[tuple[int, Int[np.ndarray, " v"], View, dict[str, np.ndarray], dict[str, float]]]
 ) -> UInt8[np.ndarray, "H W 3"]:
     """Draw a row for each test view: nearest input, truth, prediction, depth, error, homography, mesh render."""
     rows = []
-    for target, _, prediction, answers, scores in shown:
+    for target, _, view, answers, scores in shown:
         truth = scene.images[target]
         rows.append(
             [
                 (f"nearest input {scores['nearest_copy_psnr']:.1f}", answers["nearest_copy"]),
                 (f"truth, photo {scene.photo_id[target]}", truth),
-                (f"prediction {scores['psnr']:.1f} dB", prediction.fine),
-                ("depth", depth_colours(prediction.depth)),
-                ("error", error_colours(truth, prediction.fine)),
+                (f"prediction {scores['psnr']:.1f} dB", view.colour),
+                *_depth(view),
+                ("error", error_colours(truth, view.colour)),
                 (f"homography {scores['ground_homography_psnr']:.1f}", answers["ground_homography"]),
                 (f"mesh {scores['mesh_render_psnr']:.1f}", answers["mesh_render"]),
             ]
@@ -63,12 +63,16 @@ def summary_panel(
 
 
 def novel_panel(
-    scene: Scene, inputs: Int[np.ndarray, " v"], prediction: Prediction, truth: UInt8[np.ndarray, "h w 3"] | None
+    scene: Scene, inputs: Int[np.ndarray, " v"], view: View, truth: UInt8[np.ndarray, "h w 3"] | None
 ) -> UInt8[np.ndarray, "H W 3"]:
     """Draw a view that was asked for: a row of inputs, a row of what the model says, and the truth if there is one."""
-    said = [("prediction", prediction.fine), ("depth", depth_colours(prediction.depth))]
-    known = [] if truth is None else [("truth", truth), ("error", error_colours(truth, prediction.fine))]
+    said = [("prediction", view.colour), *_depth(view)]
+    known = [] if truth is None else [("truth", truth), ("error", error_colours(truth, view.colour))]
     return grid([[(f"input: photo {scene.photo_id[v]}", scene.images[v]) for v in inputs], said + known])
+
+
+def _depth(view: View) -> list[tuple[str, UInt8[np.ndarray, "h w 3"]]]:
+    return [] if view.depth is None else [("depth", depth_colours(view.depth))]
 
 
 def save(image: UInt8[np.ndarray, "H W 3"], path: Path) -> None:

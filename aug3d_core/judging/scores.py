@@ -10,32 +10,29 @@ from jaxtyping import UInt8
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
-from aug3d_core.heads.pixelnerf.prediction import Prediction, predict
+from aug3d_core.heads.head import Head, View
 from aug3d_core.judging.cheap_answers import cheap_answers
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import BEST_DB, PEAK, SSIM
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import InputError
 
 
 def evaluate(
-    model: PixelNeRF,
+    head: Head,
     scene: Scene,
     config: EvaluationConfig,
-    seen: Callable[[int, Prediction, dict[str, np.ndarray]], None] = lambda group, prediction, answers: None,
+    seen: Callable[[int, View, dict[str, np.ndarray]], None] = lambda group, view, answers: None,
 ) -> pd.DataFrame:
     """Predict the target of every test group; one row each with the scores of every answer."""
     check_test_groups(scene, config)
     rows = []
     for group, members in enumerate(scene.groups["test"]):
         target, inputs = int(members[0]), members[1 : 1 + config.input_views]
-        prediction = predict(model, scene, target, inputs, config.rays_per_batch)
+        view = head.predict(scene, target, inputs)
         answers = cheap_answers(scene, target, inputs)
-        rows.append(
-            {"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, prediction, answers)
-        )
-        seen(group, prediction, answers)
+        rows.append({"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, view, answers))
+        seen(group, view, answers)
     return pd.DataFrame(rows)
 
 
@@ -59,10 +56,10 @@ def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
         )
 
 
-def _scores(scene: Scene, target: int, prediction: Prediction, answers: dict[str, np.ndarray]) -> dict[str, float]:
+def _scores(scene: Scene, target: int, view: View, answers: dict[str, np.ndarray]) -> dict[str, float]:
     truth = scene.images[target]
-    scores = {"psnr": psnr(truth, prediction.fine), "ssim": ssim(truth, prediction.fine)}
-    scores["coarse_psnr"] = psnr(truth, prediction.coarse)
+    scores = {"psnr": psnr(truth, view.colour), "ssim": ssim(truth, view.colour)}
+    scores |= {f"{name}_psnr": psnr(truth, picture) for name, picture in view.parts.items()}
     for name in CHEAP:
         scores |= {f"{name}_psnr": psnr(truth, answers[name]), f"{name}_ssim": ssim(truth, answers[name])}
     return scores

@@ -14,17 +14,16 @@ import torch
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
-from aug3d_core.heads.pixelnerf.prediction import Prediction
+from aug3d_core.heads import saved
+from aug3d_core.heads.head import Head, View
 from aug3d_core.judging import flythrough, panels
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
 from aug3d_core.judging.files import CONVENTIONS, FLYTHROUGH, PANELS, TEST_VIEWS
 from aug3d_core.judging.scores import evaluate
 from aug3d_core.judging.summary import CHEAP, summary
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.stage import Outcome, Progress
-from aug3d_core.training.checkpoint import load_model
 
 SUMMARY = "summary.png"
 
@@ -32,17 +31,17 @@ SUMMARY = "summary.png"
 def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progress: Progress) -> Outcome:
     """Score the model on every test view, and draw panels of some."""
     scene = read(inputs["dataset"] / SCENE_ZARR)
-    model = load_model(inputs["training"])
+    head = saved.load(inputs["training"])
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     count = len(scene.groups["test"])
-    kept: dict[int, tuple[Prediction, dict[str, np.ndarray]]] = {}
+    kept: dict[int, tuple[View, dict[str, np.ndarray]]] = {}
 
-    def seen(group: int, prediction: Prediction, answers: dict[str, np.ndarray]) -> None:
-        kept[group] = (prediction, answers)
+    def seen(group: int, view: View, answers: dict[str, np.ndarray]) -> None:
+        kept[group] = (view, answers)
         progress(group + 1, count, "test views")
 
     progress(0, count, "test views")
-    table = evaluate(model, scene, config, seen)
+    table = evaluate(head, scene, config, seen)
     table.to_parquet(out / TEST_VIEWS, index=False)
     stated = conventions(scene)
     (out / CONVENTIONS).write_text(json.dumps(stated, indent=1))
@@ -51,9 +50,14 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     pictures = _draw(scene, config, table, kept, out) if config.panels else {}
     if config.flythrough_frames:
         progress(count, count, "fly-through")
-        pictures |= _fly(model, scene, config, table, out)
+        pictures |= _fly(head, scene, config, table, out)
     return Outcome(
-        metrics={**figures, "conventions": digest(stated), "test_photos": held_out_digest(scene)},
+        metrics={
+            "head": head.config.name,
+            **figures,
+            "conventions": digest(stated),
+            "test_photos": held_out_digest(scene),
+        },
         # Worse than one colour: whatever the training did well, what is rendered is wrong
         state="degraded" if "mean_colour" in beaten else "ok",
         notes=tuple(_not_beaten(name, figures) for name in beaten),
@@ -68,12 +72,12 @@ def _not_beaten(name: str, figures: Mapping[str, float]) -> str:
     )
 
 
-def _fly(model: PixelNeRF, scene: Scene, config: EvaluationConfig, table: pd.DataFrame, out: Path) -> dict[str, str]:
+def _fly(head: Head, scene: Scene, config: EvaluationConfig, table: pd.DataFrame, out: Path) -> dict[str, str]:
     """Fly around the test view that is met middlingly, so that the flight flatters nobody."""
     ranked = table.sort_values(["psnr", "group"])
     row = ranked.iloc[(len(ranked) - 1) // 2]
     target, *support = scene.groups["test"][int(row["group"])]
-    frames = flythrough.fly(model, scene, int(target), np.array(support[: config.input_views]), config)
+    frames = flythrough.fly(head, scene, int(target), np.array(support[: config.input_views]), config)
     flythrough.save(frames, out / FLYTHROUGH)
     return {f"Flight around photo {row['photo_id']:.0f} ({row['psnr']:.1f} dB, the middle one)": FLYTHROUGH}
 
@@ -82,7 +86,7 @@ def _draw(
     scene: Scene,
     config: EvaluationConfig,
     table: pd.DataFrame,
-    kept: Mapping[int, tuple[Prediction, dict[str, np.ndarray]]],
+    kept: Mapping[int, tuple[View, dict[str, np.ndarray]]],
     out: Path,
 ) -> dict[str, str]:
     """Draw panels evenly from the best to the worst view; return their captions and paths."""

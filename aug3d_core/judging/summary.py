@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+from aug3d_core.judging.config import EvaluationConfig
 
 CHEAP = ("mean_colour", "nearest_copy", "ground_homography", "mesh_render")
 
@@ -27,7 +27,7 @@ def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
         "test_psnr_best": float(scores.max()),
         "test_psnr_worst": float(scores.min()),
         "test_ssim_mean": float(column["ssim"].mean()),
-        "coarse_psnr_mean": float(column["coarse_psnr"].mean()),
+        **{f"{name}_psnr_mean": float(column[f"{name}_psnr"].mean()) for name in parts_of(table)},
         "group_best": float(groups.max()),
         "group_low": float(groups.min()),
         "group_average": float(groups.mean()),
@@ -36,6 +36,12 @@ def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
         "over_best_cheap_db": float(scores.mean() - max(cheap.values())),
     }
     return {"test_views": len(table)} | {name: round(value, 4) for name, value in figures.items()}
+
+
+def parts_of(table: pd.DataFrame) -> list[str]:
+    """Return the names of the pictures that the head made on the way: scored, and neither its answer nor a cheap one."""
+    scored = [name.removesuffix("_psnr") for name in table.columns if name.endswith("_psnr")]
+    return [name for name in scored if name not in CHEAP]
 
 
 def bootstrap(values: Float[np.ndarray, " g"], resamples: int, rng: np.random.Generator) -> tuple[float, float]:

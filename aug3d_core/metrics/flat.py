@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from aug3d_core.factory.stages import STAGES
+from aug3d_core.run import nested
 from aug3d_core.run.stage import Metric
 from aug3d_core.store.record import Record
 
@@ -65,8 +66,8 @@ def _flat_synthesis(nvs: Mapping[str, Any] | None) -> dict[str, Metric]:
 
 
 def flat_params(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings of stages as `stage.field`."""
-    return {f"{stage}.{name}": value for stage, fields in config.items() for name, value in fields.items()}
+    """Return settings of stages as `stage.field`, those of a head as `training.head.field`."""
+    return nested.flat(config)
 
 
 def needs_params(metrics: Mapping[str, Any]) -> dict[str, str]:

@@ -74,6 +74,7 @@ def _view_synthesis(metrics: Mapping[str, Any]) -> dict[str, Any]:
         if name.startswith("test_") and not name.startswith("test_psnr_ci")
     }
     return {
+        "head": metrics.get("head"),
         **plain,
         "test_psnr_ci": [metrics["test_psnr_ci_low"], metrics["test_psnr_ci_high"]],
         "conventions": metrics.get("conventions"),  # results are compared only where these are the same

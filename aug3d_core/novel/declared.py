@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aug3d_core.heads.pixelnerf.config import PredictionConfig
+from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.run.metric import declared
 from aug3d_core.run.stage import Stage
 
@@ -13,9 +13,10 @@ PREDICTION = Stage(
     inputs=("dataset", "training"),
     entry="aug3d_core.novel.stage:run",
     engines=("pillow", "scikit-image", "torch"),
+    runs=("training",),
     accuracy="ground_seen_share",
     metrics=declared(
         higher="psnr ssim ground_seen_share",
-        neither="inputs depth_near depth_far",
+        neither="head inputs depth_near depth_far",
     ),
 )

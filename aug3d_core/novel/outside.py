@@ -18,12 +18,12 @@ from PIL import Image
 
 from aug3d_core.dataset.bounds import depths_in, near_far
 from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.geometry.camera_models import same_shape, scaled
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert
-from aug3d_core.novel.views import middle_ground
 from aug3d_core.poses.entry import Entry
 from aug3d_core.poses.nerfstudio import read_transforms
 from aug3d_core.run.digest import file_digest

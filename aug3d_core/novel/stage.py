@@ -13,15 +13,15 @@ import torch
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import SPLITS
-from aug3d_core.heads.pixelnerf.config import PredictionConfig
-from aug3d_core.heads.pixelnerf.prediction import Prediction, predict
+from aug3d_core.heads import saved
+from aug3d_core.heads.head import View
 from aug3d_core.judging import panels
 from aug3d_core.judging.scores import psnr, ssim
+from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.files import PREDICTION, PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTION_VIEW
 from aug3d_core.novel.outside import outside_scene
 from aug3d_core.novel.views import NovelView, novel_view, row_of
 from aug3d_core.run.stage import Metric, Outcome, Progress
-from aug3d_core.training.checkpoint import load_model
 
 LITTLE_SEEN = 0.5  # share of the view's ground that inputs show, below which the prediction is mostly made up
 
@@ -31,31 +31,34 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
     scene = read(inputs["dataset"] / SCENE_ZARR)
     if "given" in inputs:  # photographs from outside
         scene = outside_scene(inputs["given"], scene)
-    model = load_model(inputs["training"])
+    head = saved.load(inputs["training"])
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     view = novel_view(scene, config)
     progress(0, 1, "view")
-    prediction = predict(model, view.scene, view.target, view.inputs, config.rays_per_batch)
+    predicted = head.predict(view.scene, view.target, view.inputs)
     progress(1, 1, "view")
     truth = None if config.like is None else scene.images[row_of(scene, config.like)]
-    panels.save(prediction.fine, out / PREDICTION)
-    panels.save(panels.depth_colours(prediction.depth), out / PREDICTION_DEPTH)
-    panels.save(panels.novel_panel(view.scene, view.inputs, prediction, truth), out / PREDICTION_PANEL)
+    panels.save(predicted.colour, out / PREDICTION)
+    if predicted.depth is not None:
+        panels.save(panels.depth_colours(predicted.depth), out / PREDICTION_DEPTH)
+    panels.save(panels.novel_panel(view.scene, view.inputs, predicted, truth), out / PREDICTION_PANEL)
     (out / PREDICTION_VIEW).write_text(json.dumps(_described(view), indent=1))
     notes = _notes(view, config) + _like_notes(view, config)
     return Outcome(
-        metrics=_metrics(view, prediction, truth),
+        metrics={"head": head.config.name, **_metrics(view, predicted, truth)},
         state="degraded" if view.ground_seen_share < LITTLE_SEEN else "ok",
         notes=notes,
         pictures={"Inputs, prediction, depth": PREDICTION_PANEL},
     )
 
 
-def _metrics(view: NovelView, prediction: Prediction, truth: np.ndarray | None) -> dict[str, Metric]:
-    near, far = np.quantile(prediction.depth, [0.01, 0.99])
-    figures = {"ground_seen_share": view.ground_seen_share, "depth_near": float(near), "depth_far": float(far)}
+def _metrics(view: NovelView, predicted: View, truth: np.ndarray | None) -> dict[str, Metric]:
+    figures = {"ground_seen_share": view.ground_seen_share}
+    if predicted.depth is not None:
+        near, far = np.quantile(predicted.depth, [0.01, 0.99])
+        figures |= {"depth_near": float(near), "depth_far": float(far)}
     if truth is not None:
-        figures |= {"psnr": psnr(truth, prediction.fine), "ssim": ssim(truth, prediction.fine)}
+        figures |= {"psnr": psnr(truth, predicted.colour), "ssim": ssim(truth, predicted.colour)}
     return {"inputs": len(view.inputs), **{name: round(value, 4) for name, value in figures.items()}}
 
 

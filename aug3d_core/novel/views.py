@@ -5,17 +5,16 @@ The view becomes one more row of the packed scene, without pixels, so that it is
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from aug3d_core.dataset.bounds import depths_in, near_far
-from aug3d_core.dataset.rays import pixel_rays
-from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, VIEW_ARRAYS, Scene
+from aug3d_core.dataset.new_views import facing, shown_by_none, with_views
+from aug3d_core.dataset.projection import ground_points, middle_ground, shows
+from aug3d_core.dataset.scene import REAL, Scene
 from aug3d_core.geometry.transforms import homogeneous, invert, look_at
-from aug3d_core.heads.pixelnerf.config import PredictionConfig
-from aug3d_core.judging.cheap_answers import ground_points, project
+from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.run.errors import InputError
 
 
@@ -67,45 +66,6 @@ def row_of(scene: Scene, photo_id: int) -> int:
     return int(rows[0])
 
 
-def with_views(
-    scene: Scene,
-    world_from_cam: Float[np.ndarray, "f 4 4"],
-    intrinsics: Float[np.ndarray, " 4"],
-    inputs: Int[np.ndarray, " v"],
-) -> tuple[Scene, Int[np.ndarray, " f"]]:
-    """Append views without pixels, and return their rows; near and far hold what the inputs show of the ground ahead."""
-    ground = np.concatenate([points[reached] for points, reached in (ground_points(scene, int(v)) for v in inputs)])
-    size_px, count = (scene.width_px, scene.height_px), len(world_from_cam)
-    bounds = []
-    for pose in world_from_cam:
-        depths = depths_in(invert(pose[:3]), ground)
-        if not len(depths):
-            raise _shown_by_none(scene, inputs)
-        bounds.append(near_far(scene.slab, pose, intrinsics, size_px, depths))
-    known = {
-        "world_from_cam": world_from_cam,
-        "intrinsics": np.tile(intrinsics, (count, 1)),
-        "near_far": np.stack(bounds),
-        "source": np.full(count, REAL),
-        "photo_id": np.full(count, -1),
-        "dome_id": np.full(count, -1),
-        "splits": np.full(count, SPLITS.index("target")),
-    }
-    longer = {}
-    for name in VIEW_ARRAYS:
-        array = getattr(scene, name)
-        rows = known[name] if name in known else np.zeros((count, *array.shape[1:]))
-        longer[name] = np.concatenate([array, rows.astype(array.dtype)])
-    return replace(scene, **longer), len(scene) + np.arange(count)
-
-
-def only(scene: Scene, views: Int[np.ndarray, " v"]) -> Scene:
-    """Return the scene with some of its views alone, and no groups."""
-    kept = {name: getattr(scene, name)[views] for name in VIEW_ARRAYS}
-    bare = {name: getattr(scene, name)[:0] for name in BASELINE_ARRAYS}
-    return replace(scene, **kept, **bare, groups={name: members[:0] for name, members in scene.groups.items()})
-
-
 def central(scene: Scene, photos: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
     """Order photographs from the one that looks at the middle of the scene, by what they show alike with it."""
     spots = np.stack([middle_ground(scene, int(view)) for view in photos])
@@ -116,7 +76,7 @@ def central(scene: Scene, photos: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"
 def most_alike(scene: Scene, view: int, photos: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
     """Order photographs by the share of a view's ground that they show, in whole percents; the nearer camera first."""
     ground, reached = ground_points(scene, view)
-    percent = np.array([np.round(100 * (reached & _shows(scene, int(photo), ground)).mean()) for photo in photos])
+    percent = np.array([np.round(100 * (reached & shows(scene, int(photo), ground)).mean()) for photo in photos])
     away = np.linalg.norm(scene.world_from_cam[photos, :3, 3] - scene.world_from_cam[view, :3, 3], axis=1)
     return photos[np.lexsort((away, -percent))]
 
@@ -134,24 +94,6 @@ def amid(scene: Scene, inputs: Int[np.ndarray, " v"]) -> Float[np.ndarray, "4 4"
     return facing(eye, spot, -down)
 
 
-def facing(
-    eye: Float[np.ndarray, " 3"], spot: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, "4 4"]:
-    """Return the `world_from_cam` of a camera that looks at a spot with `up` (not along its view) towards its top."""
-    z = (spot - eye) / np.linalg.norm(spot - eye)
-    x = np.cross(z, up)
-    x = x / np.linalg.norm(x)
-    return homogeneous(np.stack([x, np.cross(z, x), z, eye], axis=1))
-
-
-def middle_ground(scene: Scene, view: int) -> Float[np.ndarray, " 3"]:
-    """Return where the ray of an image's middle meets the ground, or a point ahead at the scene's usual distance."""
-    middle = np.array([[scene.width_px / 2, scene.height_px / 2]])
-    ray = pixel_rays(scene, np.array([view]), middle, slab_bounds=False)
-    t = scene.slab.meet(ray.origins, ray.directions, 0.0)
-    return (ray.origins + np.where(np.isfinite(t), t, scene.scale)[:, None] * ray.directions)[0]
-
-
 def _check_above_ground(scene: Scene, pose: Float[np.ndarray, "4 4"]) -> None:
     height = float(scene.slab.height(pose[:3, 3]))
     if height <= 0:
@@ -165,20 +107,7 @@ def _check_above_ground(scene: Scene, pose: Float[np.ndarray, "4 4"]) -> None:
 def _ground_seen_share(scene: Scene, target: int, inputs: np.ndarray) -> float:
     """Return the share of a view's pixels whose ground some input shows; raises InputError if there is none."""
     ground, reached = ground_points(scene, target)
-    seen = reached & np.any([_shows(scene, int(view), ground) for view in inputs], axis=0)
+    seen = reached & np.any([shows(scene, int(view), ground) for view in inputs], axis=0)
     if not seen.any():
-        raise _shown_by_none(scene, inputs)
+        raise shown_by_none(scene, inputs)
     return float(seen.mean())
-
-
-def _shown_by_none(scene: Scene, inputs: np.ndarray) -> InputError:
-    ids = ", ".join(str(photo_id) for photo_id in scene.photo_id[inputs])
-    return InputError(
-        f"the view shows no ground that its inputs show (photos {ids})",
-        "move or turn the view towards them, or choose inputs that look at the same place",
-    )
-
-
-def _shows(scene: Scene, view: int, points_in_world: Float[np.ndarray, "p 3"]) -> Bool[np.ndarray, " p"]:
-    xy_px, ahead = project(scene, view, points_in_world)
-    return ahead & ((xy_px >= 0) & (xy_px <= [scene.width_px, scene.height_px])).all(axis=1)

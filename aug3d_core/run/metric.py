@@ -25,17 +25,20 @@ _UNITS = (
 )
 
 
+Better = Literal["higher", "lower"] | None
+
+
 @dataclass(frozen=True)
 class MetricSpec:
     """unit: "" for a share, a count or a word. better: the better side, None where neither is better."""
 
     unit: str
-    better: Literal["higher", "lower"] | None
+    better: Better
 
 
 def declared(*, higher: str = "", lower: str = "", neither: str = "") -> Mapping[str, MetricSpec]:
     """Return the declaration of figures by name: names separated by spaces; `*` in a name stands for any text."""
-    sides = (("higher", higher), ("lower", lower), (None, neither))
+    sides: tuple[tuple[Better, str], ...] = (("higher", higher), ("lower", lower), (None, neither))
     return {name: MetricSpec(unit_of(name), better) for better, names in sides for name in names.split()}
 
 

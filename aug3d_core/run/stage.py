@@ -101,6 +101,7 @@ class Stage:
     inputs: names of the upstream stages whose files it reads.
     reads: of an input, the only files that it reads, where it does not read them all: the others may change, and what it made
         stays good.
+    runs: inputs whose code it runs, the modules that their settings name: a trained model is run by the code of its head.
     entry: "module:function" of the stage function; imported only in the stage's own process.
     engines: distributions whose version is part of the cache key: those that compute what is in its files and figures.
     accuracy: the metric that says how well the stage did, shown in every table.
@@ -131,6 +132,7 @@ class Stage:
     afresh: bool = False
     alone: bool = False
     reads: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
+    runs: tuple[str, ...] = ()
 
     @property
     def package(self) -> str:

@@ -12,6 +12,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.config import place as place_of
+from aug3d_core.heads.config import HeadConfig, config_of, names
 from aug3d_core.run.errors import InputError
 from aug3d_core.scene_files.document import Mistake, Place, parsed
 from aug3d_core.scene_files.entry import FOLDER, Origin, SceneEntry
@@ -76,7 +78,7 @@ def _told(origin: Origin, errors: ValidationError, model: type[BaseModel], above
     whats: dict[tuple[int, str], list[str]] = defaultdict(list)
     for error in errors.errors(include_url=False):
         loc = tuple(map(str, error["loc"]))
-        place = (*above, *loc)
+        place = (*above, *place_of(loc))
         line, name = origin.line(place), ".".join(place)
         if error["type"] == "missing":
             whats[line, name].append(f"is missing: {_fields(loc, model)[loc[-1]].description}")
@@ -106,6 +108,9 @@ def _unknown(loc: Place, model: type[BaseModel]) -> str:
 def _fields(loc: Place, model: type[BaseModel]) -> dict[str, FieldInfo]:
     """Return the fields beside the one that an error is about."""
     for name in loc[:-1]:
+        if issubclass(model, HeadConfig) and name in names():
+            model = config_of(name)
+            continue
         annotation = model.model_fields[name].annotation
         model = next(a for a in (annotation, *get_args(annotation)) if isinstance(a, type) and issubclass(a, BaseModel))
     return model.model_fields

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from aug3d_core.factory.config import AUTO, PRESETS, SceneConfig, scene_config, validated_config
+from aug3d_core.factory.config import AUTO, PRESETS, SceneConfig, validated_config, with_settings
 from aug3d_core.factory.material import Material
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import InputError
@@ -108,11 +108,7 @@ class SceneEntry(Frozen):
 
     def config_values(self) -> dict[str, Any]:
         """Return the preset's values with the settings over them, not checked yet."""
-        values = scene_config(self.preset).model_dump()
-        set_here = {f"{stage}.{name}" for stage, fields in self.settings.items() for name in fields}
-        open_still = tuple(name for name in values.pop("auto") if name not in set_here)
-        values |= {stage: values.get(stage, {}) | fields for stage, fields in self.settings.items()}
-        return {**values, "auto": open_still}
+        return with_settings(self.preset, self.settings)
 
     def material(self) -> Material:
         """Return what the scene is made of; raises InputError that names file, line and folder if it is not there."""

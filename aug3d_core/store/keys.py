@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -27,12 +27,15 @@ def object_key(recipe: str, input_digests: Mapping[str, str]) -> str:
     return _hashed({"recipe": recipe, "inputs": dict(input_digests)})
 
 
-def recipe_of(stage: Stage, config: StageConfig) -> str:
-    """Return the part of the key that does not depend on the inputs: stage, code, configuration, engines."""
+def recipe_of(stage: Stage, config: StageConfig, also: Iterable[str] = ()) -> str:
+    """Return the part of the key that does not depend on the inputs: stage, code, configuration, engines.
+
+    also: code that the stage runs because of what made its inputs.
+    """
     return _hashed(
         {
             "stage": stage.name,
-            "code": code_digest((stage.entry, *config.modules)),
+            "code": code_digest((stage.entry, *config.modules, *also)),
             "config": config.model_dump(mode="json"),
             "engines": engine_versions(stage, config),
             **({"afresh": True} if stage.afresh else {}),

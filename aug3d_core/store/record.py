@@ -35,6 +35,7 @@ class Record(Frozen):
     recipe: str
     config: dict[str, Any]
     inputs: dict[str, str]  # upstream stage -> digest of its result
+    modules: tuple[str, ...] = ()  # code that its settings asked for
     versions: dict[str, str]  # engine -> version
     files: dict[str, FileEntry]  # path relative to files/ -> entry
     metrics: dict[str, Metric]

@@ -1,53 +1,19 @@
-"""Weights and training state on disk. Nothing is read in a way that could run code."""
+"""Training state on disk. Nothing is read in a way that could run code."""
 
 from __future__ import annotations
 
-import json
 import pickle
 from pathlib import Path
 from typing import Any
 
 import torch
-from pydantic import ValidationError
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
 from aug3d_core.run.atomic_file import replacing
 from aug3d_core.run.errors import InputError
 from aug3d_core.training.divergence import WINDOW
-from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 
 STATE = "state-{:08d}.pt"
 KEPT = 4  # windows: trouble is seen up to two after it began, and a second restart goes further back
-AGAIN = "train the model again (stage training)"
-
-
-def save_model(model: PixelNeRF, out: Path) -> None:
-    """Write the weights, and the configuration that says which network they belong to."""
-    save_file({name: value.cpu().contiguous() for name, value in model.state_dict().items()}, out / MODEL_WEIGHTS)
-    text = json.dumps({"config": model.config.model_dump(mode="json")}, indent=1, sort_keys=True)
-    (out / MODEL_CONFIG).write_text(text + "\n")
-
-
-def load_model(folder: Path) -> PixelNeRF:
-    """Read a trained model, ready for use, on a GPU if there is one."""
-    try:
-        told = json.loads((folder / MODEL_CONFIG).read_text())["config"]
-        if untold := sorted(TrainingConfig.model_fields.keys() - told.keys()):  # a default could be another network
-            raise InputError(f"the model was trained before there was {', '.join(untold)}", AGAIN)
-        config = TrainingConfig(**told)
-        model = PixelNeRF(config)
-        model.load_state_dict(load_file(folder / MODEL_WEIGHTS))
-    except FileNotFoundError as error:
-        raise InputError(f"the model has no {Path(error.filename or MODEL_WEIGHTS).name}", AGAIN) from error
-    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
-        raise InputError(f"{MODEL_WEIGHTS} or {MODEL_CONFIG} is damaged ({error})", AGAIN) from error
-    except RuntimeError as error:
-        missing = " ".join(str(error).splitlines()[1:2]).strip()[:200]
-        raise InputError(f"{MODEL_WEIGHTS} belongs to another network: {missing}", AGAIN) from error
-    return model.eval().to("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def save_state(folder: Path, step: int, state: dict[str, Any]) -> None:

@@ -9,18 +9,16 @@ from __future__ import annotations
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor, distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
-from aug3d_core.dataset.batches import Batch
-from aug3d_core.dataset.rays import Rays
+from aug3d_core.dataset.batches import Group
 
 
 @dataclass(frozen=True)
@@ -40,19 +38,9 @@ class Team:
         """Whether this member writes checkpoints."""
         return self.rank == 0
 
-    def share(self, batch: Batch) -> Batch:
-        """Return this member's groups of a batch."""
-        groups, rays = len(batch.inputs), batch.rays
-
-        def mine(values: np.ndarray) -> np.ndarray:
-            return np.concatenate(np.split(values, groups)[self.rank :: self.size])
-
-        return Batch(
-            inputs=mine(batch.inputs),
-            rays=Rays(mine(rays.origins), mine(rays.directions), mine(rays.near), mine(rays.far)),
-            colour=mine(batch.colour),
-            weight=mine(batch.weight),
-        )
+    def share(self, groups: Sequence[Group]) -> tuple[Group, ...]:
+        """Return this member's groups of a step."""
+        return tuple(groups[self.rank :: self.size])
 
     def wrap(self, module: nn.Module) -> nn.Module:
         """Let gradients be averaged over members."""

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from aug3d_core.heads.pixelnerf.config import TRAINING_PRESETS, TrainingConfig
+from aug3d_core.heads.config import config_of, names
 from aug3d_core.run.metric import declared
 from aug3d_core.run.stage import Stage
+from aug3d_core.training.config import TrainingConfig, presets
 
 TRAINING = Stage(
     name="training",
-    description="PixelNeRF training.",
+    description="Training of the model.",
     config=TrainingConfig,
-    presets=TRAINING_PRESETS,
+    presets=presets(),
     inputs=("dataset",),
     entry="aug3d_core.training.stage:run",
     engines=("torch",),
     accuracy="train_psnr",
     metrics=declared(
-        higher="rays_per_second train_psnr",
+        higher="groups_per_second train_psnr",
         lower="restarts loader_wait_share",
-        neither="steps stopped_by encoder_from parameters",
+        neither="head steps stopped_by encoder_from parameters",
     ),
     decidable=(
         "rendered_share",
-        "encoder_channels",
-        "hidden",
-        "coarse_samples",
-        "fine_samples",
-        "depth_samples",
+        *dict.fromkeys(f"head.{field}" for name in names() for field in config_of(name).decidable),
         "steps",
         "warmup_steps",
         "least_gain_db",

@@ -9,28 +9,16 @@ network as the paper's (ReLU density, no blend, no slab, rate 1e-4) for its firs
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from aug3d_core.heads.config import Measures, Symptom
+
 # Steps that trouble lasts before it is believed, and the length of the blocks in which errors are averaged. Whatever
 # lasts is seen after one window, a loss of what was learned after at most two: within 500 steps in any case.
 WINDOW = 200
-
-
-class Measures(NamedTuple):
-    """What one step measured. Spreads are the variance of colours over the rays of a group, averaged over groups."""
-
-    loss: float  # coarse + fine mean squared error
-    error: float  # fine mean squared error
-    gradient: float  # norm, before it is clipped
-    light: float  # share of the light that the fine field stops before the end of the ray
-    front: float  # share of the light that it stops at the first sample
-    spread: float  # of the predicted fine colours
-    truth_spread: float
-    brightness: float  # mean of the predicted fine colours
-    truth_brightness: float
 
 
 class Trouble(NamedTuple):
@@ -41,13 +29,13 @@ class Trouble(NamedTuple):
     what: str
 
 
-def find_trouble(history: Sequence[Measures]) -> Trouble | None:
-    """Look at the last step and what led to it."""
+def find_trouble(history: Sequence[Measures], symptoms: Mapping[str, Symptom]) -> Trouble | None:
+    """Look at the last step and what led to it. symptoms: those of the head, each by the sentence that names it."""
     done, last = len(history), history[-1]
     for name in ("loss", "gradient"):
-        if not math.isfinite(getattr(last, name)):
-            return Trouble(done - 1, done, f"the {name} is {getattr(last, name)}")
-    for what, shows in SYMPTOMS.items():
+        if not math.isfinite(last[name]):
+            return Trouble(done - 1, done, f"the {name} is {last[name]}")
+    for what, shows in {**symptoms, **SYMPTOMS}.items():
         if shows(last) and done >= WINDOW and all(shows(step) for step in history[-WINDOW:]):
             return Trouble(done - WINDOW, done, what)
     return _ruined(history) if done % WINDOW == 0 else None
@@ -60,16 +48,13 @@ def worse_than_one_colour(history: Sequence[Measures]) -> bool:
 
 def _one_colour(step: Measures) -> bool:
     """Healthy: a share never below 0.2. A truth with hardly any spread itself (2 grey levels) says nothing."""
-    return step.truth_spread > 1e-4 and step.spread < 1e-4 * step.truth_spread
+    return step["truth_spread"] > 1e-4 and step["spread"] < 1e-4 * step["truth_spread"]
 
 
-# What a step shows of a network that gets no gradient any more
-SYMPTOMS: dict[str, Callable[[Measures], bool]] = {
-    # The slab reaches below the ground and above the roofs, so light is never rightly stopped only at one of its ends
-    "no light is stopped on any ray": lambda step: step.light < 1e-4,  # healthy: never below 0.25
-    "all light is stopped where rays begin": lambda step: step.front > 1 - 1e-4,  # healthy: never above 0.11
-    "every ray is black": lambda step: _one_colour(step) and step.brightness < 0.02 < step.truth_brightness,
-    "every ray has the same colour": _one_colour,
+# What a step shows of a head that gets no gradient any more, whatever it is inside
+SYMPTOMS: dict[str, Symptom] = {
+    "every pixel is black": lambda step: _one_colour(step) and step["brightness"] < 0.02 < step["truth_brightness"],
+    "every pixel has the same colour": _one_colour,
 }
 
 
@@ -79,13 +64,13 @@ def _ruined(history: Sequence[Measures]) -> Trouble | None:
     good = [i for i, skill in enumerate(skills) if skill > 0.1 and skill > max(skills) / 2]
     since = good[-1] * WINDOW if good else 0  # it may have begun within the last good block
     if good and skills[-1] <= 0:
-        return Trouble(since, len(history), "rays are worse than one colour, and were better")
+        return Trouble(since, len(history), "pixels are worse than one colour, and were better")
     if 1 - skills[-1] > 2 * max(1 - _skill(history[:1]), 1):  # healthy: falls from its first step on
-        return Trouble(since, len(history), "rays are twice as wrong as those of an untrained network")
+        return Trouble(since, len(history), "pixels are twice as wrong as those of an untrained network")
     return None
 
 
 def _skill(steps: Sequence[Measures]) -> float:
     """Return the share of the truth's spread that is explained: 1 is perfect, 0 is one colour for each group."""
-    error = float(np.mean([step.error for step in steps]))
-    return 1 - error / max(float(np.mean([step.truth_spread for step in steps])), 1e-12)
+    error = float(np.mean([step["error"] for step in steps]))
+    return 1 - error / max(float(np.mean([step["truth_spread"] for step in steps])), 1e-12)

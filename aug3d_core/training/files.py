@@ -1,8 +1,6 @@
-"""The files that the stages of this package write."""
+"""The files that the stage training writes besides the head's."""
 
 from __future__ import annotations
 
-MODEL_WEIGHTS = "model.safetensors"
-MODEL_CONFIG = "model.json"
 CHECKPOINT = "checkpoint"
 CURVE = "curve.parquet"

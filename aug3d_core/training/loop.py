@@ -9,24 +9,24 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from aug3d_core.dataset.batches import check_groups, draw
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
 from aug3d_core.run.errors import InputError
 from aug3d_core.training.checkpoint import forget_after, load_state, save_state, saved_steps
+from aug3d_core.training.config import TrainingConfig
 from aug3d_core.training.ddp import ALONE, Team
-from aug3d_core.training.divergence import Measures, Trouble, find_trouble
+from aug3d_core.training.divergence import Trouble, find_trouble
 from aug3d_core.training.loss_step import Step
 from aug3d_core.training.schedule import Probe, enough, last_step, probe_due, rate
-from aug3d_core.training.state import Restart, Run, begin, begin_again, start_encoder
+from aug3d_core.training.state import Restart, Run, begin, begin_again, start
 
 MOST_RESTARTS = 3
 BEFORE = 50  # steps before the onset of trouble within which a state is not trusted any more
@@ -34,59 +34,63 @@ PROBE_SEEDS = (MOST_RESTARTS + 1, MOST_RESTARTS + 2)  # of two batches, unlike t
 
 
 def train(
-    scene: Scene,
+    scenes: Sequence[Scene],
     config: TrainingConfig,
     checkpoints: Path,
     report: Callable[[Run], None] = lambda run: None,
     team: Team = ALONE,
 ) -> Run:
-    """Train across the scene's groups, from the last checkpoint that is whole if there is one, until it is enough.
+    """Train across the groups of scenes, from the last checkpoint that is whole if there is one, until it is enough.
 
     Raises InputError if training runs into trouble again and again.
     """
-    check_groups(scene, config)
+    check_groups(scenes, config.wanted)
     torch.set_num_threads(max(len(os.sched_getaffinity(0)) // team.size, 1))
     run = begin(config, team.device)
     if not _go_on(run, checkpoints, saved_steps(checkpoints)):
-        start_encoder(run)
-    step = team.wrap(Step(run.model, scene))
+        start(run)
+    step = team.wrap(Step(run.head, scenes))
     while run.step < last_step(config, run.tail_from):
-        take_step(run, step, scene, config, team)
-        trouble = find_trouble(run.history)
+        take_step(run, step, scenes, config, team)
+        trouble = find_trouble(run.history, run.head.symptoms)
         if trouble:
             _start_again(run, trouble, config, checkpoints, team)
             continue
         if probe_due(config, run.step):
-            _probe(run, step, scene, config, team)
+            _probe(run, step, scenes, config, team)
         if team.leads and run.step % config.checkpoint_every == 0:
             save_state(checkpoints, run.step, run.state())
         report(run)
     return run
 
 
-def take_step(run: Run, step: nn.Module, scene: Scene, config: TrainingConfig, team: Team) -> None:
-    """Draw a batch, improve the model by it, and note what it showed."""
-    start = time.monotonic()
+def take_step(run: Run, step: nn.Module, scenes: Sequence[Scene], config: TrainingConfig, team: Team) -> None:
+    """Draw groups, improve the model by them, and note what they showed."""
+    begun = time.monotonic()
     seeds = [config.seed, len(run.restarts), run.step]
-    batch = team.share(draw(scene, config, np.random.default_rng(seeds)))
+    groups = team.share(draw(scenes, config.wanted, np.random.default_rng(seeds)))
     drawn = time.monotonic()
-    for group in run.optimiser.param_groups:
-        group["lr"] = rate(config, run.step, run.tail_from, len(run.restarts))
-    loss, measured = step(batch, noise_of([*seeds, team.rank]))
+    for parameters in run.optimiser.param_groups:
+        parameters["lr"] = rate(config, run.step, run.tail_from, len(run.restarts))
+    loss, measured = step(groups, noise_of([*seeds, team.rank]))
     run.optimiser.zero_grad(set_to_none=True)
     loss.backward()
     trained = run.optimiser.param_groups[0]["params"]
     gradient = nn.utils.clip_grad_norm_(trained, config.max_gradient_norm or math.inf)
     run.optimiser.step()
-    loss, error, *rest = team.mean(measured).tolist()
-    run.history.append(Measures(loss, error, gradient.item(), *rest))
-    run.waited += drawn - start
-    run.seconds += time.monotonic() - start
+    run.history.append({**_means(measured, team), "gradient": gradient.item()})
+    run.waited += drawn - begun
+    run.seconds += time.monotonic() - begun
 
 
 def noise_of(seeds: list[int]) -> torch.Generator:
     """Return where a step's samples come from."""
     return torch.Generator().manual_seed(int(np.random.SeedSequence(seeds).generate_state(1)[0]))
+
+
+def _means(measured: Mapping[str, Tensor], team: Team) -> dict[str, float]:
+    """Average the measures of a step over the team, in one exchange."""
+    return dict(zip(measured, team.mean(torch.stack(list(measured.values()))).tolist(), strict=True))
 
 
 def _go_on(run: Run, checkpoints: Path, steps: list[int]) -> bool:
@@ -103,7 +107,7 @@ def _go_on(run: Run, checkpoints: Path, steps: list[int]) -> bool:
 
 
 def _take_over(run: Run, checkpoints: Path, state: dict[str, Any]) -> None:
-    if state.get("config") != run.model.config.model_dump(mode="json"):
+    if state.get("config") != run.config.model_dump(mode="json"):
         raise InputError("the checkpoint is of another configuration", f"delete {checkpoints} to train from the start")
     run.load(state)
 
@@ -131,13 +135,13 @@ def _start_again(run: Run, trouble: Trouble, config: TrainingConfig, checkpoints
         save_state(checkpoints, run.step, run.state())
 
 
-def _probe(run: Run, step: nn.Module, scene: Scene, config: TrainingConfig, team: Team) -> None:
-    """Measure the error on fixed rays; if training has learned enough, begin the tail."""
-    batches = [draw(scene, config, np.random.default_rng([config.seed, n])) for n in PROBE_SEEDS]
+def _probe(run: Run, step: nn.Module, scenes: Sequence[Scene], config: TrainingConfig, team: Team) -> None:
+    """Measure the error on fixed groups; if training has learned enough, begin the tail."""
+    batches = [draw(scenes, config.wanted, np.random.default_rng([config.seed, n])) for n in PROBE_SEEDS]
     with torch.no_grad():
-        run.model.eval()
-        errors = [team.mean(step(team.share(batch), None)[1])[1].item() for batch in batches]
-        run.model.train()
+        run.head.eval()
+        errors = [_means(step(team.share(batch), None)[1], team)["error"] for batch in batches]
+        run.head.train()
     run.probes.append(Probe(run.step, -10 * math.log10(max(float(np.mean(errors)), 1e-10))))
     if run.tail_from is None and enough(config, run.probes):
         run.tail_from = run.step

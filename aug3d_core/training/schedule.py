@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.training.config import TrainingConfig
 
 PROBES = 60  # measurements on fixed rays in a whole training; each costs about as much as one step
 ENOUGH_PROBES = 10  # before these, nothing is said of a trend

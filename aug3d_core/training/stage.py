@@ -1,4 +1,4 @@
-"""The stage `training`: dataset -> model."""
+"""The stage `training`: dataset -> a trained head."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import torch
 
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.heads import saved
+from aug3d_core.heads.config import Measures
 from aug3d_core.run.stage import Metric, Outcome, Progress
-from aug3d_core.training.checkpoint import save_model
+from aug3d_core.training.config import TrainingConfig
 from aug3d_core.training.ddp import Team, fitting_size, gathered
-from aug3d_core.training.decisions import decisions
-from aug3d_core.training.divergence import Measures, worse_than_one_colour
+from aug3d_core.training.decisions import steps_made
+from aug3d_core.training.divergence import worse_than_one_colour
 from aug3d_core.training.files import CHECKPOINT, CURVE
 from aug3d_core.training.loop import train
 from aug3d_core.training.schedule import last_step
@@ -37,12 +39,12 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
         if run.step % every == 0 or run.step == end:
             progress(run.step, end, f"{psnr(run.history[-every:]):.1f} dB in training")
 
-    store = inputs["dataset"] / SCENE_ZARR
+    stores = [inputs["dataset"] / SCENE_ZARR]
     with gathered(
-        fitting_size(config.groups_per_step, torch.cuda.device_count()), _follow, store, config, checkpoints
+        fitting_size(config.groups_per_step, torch.cuda.device_count()), _follow, stores, config, checkpoints
     ) as team:
-        trained = train(read(store), config, checkpoints, report, team)
-    save_model(trained.model, out)
+        trained = train(read_all(stores), config, checkpoints, report, team)
+    saved.save(trained.head, out)
     curve = curve_of(trained)
     curve.to_parquet(out / CURVE, index=False)
     shutil.rmtree(checkpoints, ignore_errors=True)
@@ -51,36 +53,35 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
     return Outcome(
         metrics=metrics,
         state="degraded" if collapsed else "ok",
-        notes=(*_encoder(trained, config), *_restarts(trained, config), *((NOT_LEARNED,) if collapsed else ())),
+        notes=(*trained.start.notes, *_restarts(trained, config), *((NOT_LEARNED,) if collapsed else ())),
         series={
             name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]
         },
-        decisions=tuple(decisions(metrics, config)),
+        decisions=(steps_made(metrics, config), *trained.start.decisions),
     )
 
 
-def _follow(team: Team, store: Path, config: TrainingConfig, checkpoints: Path) -> None:
+def read_all(stores: Sequence[Path]) -> list[Scene]:
+    """Read the data sets that a head is trained on: one scene each, whole in memory."""
+    return [read(store) for store in stores]
+
+
+def _follow(team: Team, stores: Sequence[Path], config: TrainingConfig, checkpoints: Path) -> None:
     """Train as another member of the team, silently."""
-    train(read(store), config, checkpoints, team=team)
+    train(read_all(stores), config, checkpoints, team=team)
 
 
 def _metrics(run: Run, config: TrainingConfig) -> dict[str, Metric]:
-    rays = run.step * config.groups_per_step * config.rays_per_group
     return {
+        "head": config.head.name,
         "steps": run.step,
         "stopped_by": "steps" if run.step == config.steps else "plateau",
         "restarts": len(run.restarts),
-        "rays_per_second": round(rays / max(run.seconds, 1e-9), 1),
+        "groups_per_second": round(run.step * config.groups_per_step / max(run.seconds, 1e-9), 2),
         "loader_wait_share": round(run.waited / max(run.seconds, 1e-9), 4),
-        "encoder_from": run.encoder_from.partition(",")[0],
-        "parameters": sum(p.numel() for p in run.model.parameters()),
+        "parameters": sum(p.numel() for p in run.head.parameters()),
+        **run.start.metrics,
     }
-
-
-def _encoder(run: Run, config: TrainingConfig) -> list[str]:
-    """Say so where the encoder did not get what it was to start from."""
-    as_asked = run.encoder_from in ("random", "ImageNet", config.encoder_weights)
-    return [] if as_asked else [f"the encoder's first weights are {run.encoder_from}"]
 
 
 def _restarts(run: Run, config: TrainingConfig) -> list[str]:
@@ -99,11 +100,11 @@ def curve_of(run: Run) -> pd.DataFrame:
         {
             "step": [int(w[-1]) + 1 for w in windows],
             "train_psnr": [psnr(part) for part in parts],
-            "train_loss": [float(np.mean([step.loss for step in part])) for part in parts],
+            "train_loss": [float(np.mean([step["loss"] for step in part])) for part in parts],
         }
     )
 
 
 def psnr(steps: Sequence[Measures]) -> float:
     """Return the PSNR in dB of the mean squared error of some steps, of colours in [0, 1]."""
-    return float(-10 * np.log10(max(np.mean([step.error for step in steps]), 1e-10)))
+    return float(-10 * np.log10(max(np.mean([step["error"] for step in steps]), 1e-10)))

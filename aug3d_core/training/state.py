@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 
 import torch
 
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
-from aug3d_core.heads.pixelnerf.encoder import PaperEncoder
-from aug3d_core.heads.pixelnerf.encoder_weights import start_trunk
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
-from aug3d_core.training.divergence import Measures, Trouble
+from aug3d_core.heads.config import Measures
+from aug3d_core.heads.head import Head, Start, build
+from aug3d_core.training.config import TrainingConfig
+from aug3d_core.training.divergence import Trouble
 from aug3d_core.training.schedule import Probe
 
 
@@ -24,15 +23,16 @@ class Restart(NamedTuple):
 
 @dataclass
 class Run:
-    """The model, its optimiser, and what has happened."""
+    """The head, its optimiser, and what has happened."""
 
-    model: PixelNeRF
+    config: TrainingConfig
+    head: Head
     optimiser: torch.optim.Adam
     history: list[Measures] = field(default_factory=list)  # of every step that counts
     probes: list[Probe] = field(default_factory=list)
     tail_from: int | None = None  # the step at which a plateau was found
     restarts: list[Restart] = field(default_factory=list)
-    encoder_from: str = "random"  # where the encoder's first weights came from, in words
+    start: Start = field(default_factory=Start)  # what the head's first weights were
     seconds: float = 0.0  # of the steps in the history
     waited: float = 0.0  # seconds of these for batches
 
@@ -43,54 +43,49 @@ class Run:
 
     def state(self) -> dict[str, Any]:
         """Return what `load` takes: tensors, numbers and plain containers."""
+        names = list(self.history[0]) if self.history else []
         return {
-            "config": self.model.config.model_dump(mode="json"),
-            "model": self.model.state_dict(),
+            "config": self.config.model_dump(mode="json"),
+            "model": self.head.state_dict(),
             "optimiser": self.optimiser.state_dict(),
-            "history": torch.tensor(self.history, dtype=torch.float64).reshape(-1, len(Measures._fields)),
+            "measures": names,
+            "history": torch.tensor([[step[name] for name in names] for step in self.history], dtype=torch.float64),
             "probes": [tuple(probe) for probe in self.probes],
             "tail_from": self.tail_from,
             "restarts": [(tuple(restart.trouble), restart.again_from) for restart in self.restarts],
-            "encoder_from": self.encoder_from,
+            "start": self.start.model_dump_json(),
             "seconds": (self.seconds, self.waited),
         }
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over a state of this configuration."""
-        self.model.load_state_dict(state["model"])
+        self.head.load_state_dict(state["model"])
         self.optimiser.load_state_dict(state["optimiser"])
-        self.history = [Measures(*row) for row in state["history"].tolist()]
+        self.history = [dict(zip(state["measures"], row, strict=True)) for row in state["history"].tolist()]
         self.probes = [Probe(*probe) for probe in state["probes"]]
         self.tail_from = state["tail_from"]
         self.restarts = [Restart(Trouble(*trouble), step) for trouble, step in state["restarts"]]
-        self.encoder_from = state["encoder_from"]
+        self.start = Start.model_validate_json(state["start"])
         self.seconds, self.waited = state["seconds"]
 
 
 def begin(config: TrainingConfig, device: torch.device, attempt: int = 0) -> Run:
     """Return a run of no steps with random weights; another attempt has others."""
     torch.manual_seed(config.seed + 1_000_003 * attempt)
-    model = PixelNeRF(config).train().to(device)
-    if config.encoder_frozen:
-        model.encoder.requires_grad_(False)
-    trained = [parameter for parameter in model.parameters() if parameter.requires_grad]
-    return Run(model, torch.optim.Adam(trained, lr=config.learning_rate))
+    head = build(config.head).train().to(device)
+    trained = [parameter for parameter in head.parameters() if parameter.requires_grad]
+    return Run(config, head, torch.optim.Adam(trained, lr=config.learning_rate))
 
 
-def start_encoder(run: Run) -> None:
-    """Give the paper's encoder the weights that the configuration names."""
-    encoder = run.model.encoder
-    if isinstance(encoder, PaperEncoder):
-        run.encoder_from = start_trunk(encoder.trunk, run.model.config.encoder_weights)
+def start(run: Run) -> None:
+    """Give the head the first weights that its settings name."""
+    run.start = run.head.start()
 
 
 def begin_again(run: Run) -> None:
-    """Take a run back to no steps, with other weights; a frozen encoder stays as it is, for its maps are kept."""
-    config = run.model.config
-    other = begin(config, run.model.device, attempt=len(run.restarts) + 1)
-    start_encoder(other)
+    """Take a run back to no steps, with other weights; what is not trained stays as it is."""
+    other = begin(run.config, run.head.device, attempt=len(run.restarts) + 1)
+    start(other)
     state = other.state()
-    if config.encoder_frozen:
-        kept = {name: value for name, value in run.model.state_dict().items() if name.startswith("encoder.")}
-        state["model"] |= kept
+    state["model"] |= {name: value.data for name, value in run.head.named_parameters() if not value.requires_grad}
     run.load(state)

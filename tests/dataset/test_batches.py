@@ -3,14 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aug3d_core.dataset.batches import check_groups, draw
+from aug3d_core.dataset.batches import Wanted, check_groups, draw, pixel_colours
 from aug3d_core.dataset.scene import RENDERED
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
-from aug3d_core.judging.cheap_answers import project
 from aug3d_core.run.errors import InputError
 from tests.toy_scene import toy_scene
 
-CONFIG = TrainingConfig(groups_per_step=3, rays_per_group=20)
+WANTED = Wanted(groups=3, input_views=3, rendered_share=0.5, pixels=20)
 
 
 @pytest.fixture(scope="module")
@@ -18,57 +16,77 @@ def scene():
     return toy_scene(0, 12, 8)
 
 
-def drawn(scene, config, count=30):
-    return [draw(scene, config, np.random.default_rng(seed)) for seed in range(count)]
+def drawn(scenes, wanted=WANTED, count=30):
+    return [group for seed in range(count) for group in draw(scenes, wanted, np.random.default_rng(seed))]
 
 
-def test_a_target_is_never_among_its_inputs(scene):
-    for batch in drawn(scene, CONFIG):
-        for g, inputs in enumerate(batch.inputs):
-            eyes = scene.world_from_cam[inputs, :3, 3]
-            origins = batch.rays.origins[g * 20 : (g + 1) * 20]
-            assert np.linalg.norm(origins[:, None] - eyes, axis=-1).min() > 1e-6
+def test_inputs_and_targets_are_all_members_of_a_group_and_none_twice(scene):
+    known = {tuple(sorted(members)) for name in ("real", "rendered") for members in scene.groups[name].tolist()}
+    for group in drawn([scene]):
+        assert tuple(sorted([*group.inputs, *group.targets])) in known
+        assert len(group.inputs) == 3
 
 
-def test_the_truth_is_the_pixel_that_the_ray_goes_through(scene):
-    batch = drawn(scene, CONFIG, 1)[0]
-    points = batch.rays.origins + batch.rays.far[:, None] * batch.rays.directions
-    for r, origin in enumerate(batch.rays.origins):
-        view = int(np.argmin(np.linalg.norm(scene.world_from_cam[:, :3, 3] - origin, axis=1)))
-        xy_px, _ = project(scene, view, points[r : r + 1])
-        x, y = np.floor(xy_px[0] + 1e-6).astype(int)
-        assert np.allclose(scene.images[view, y, x] / 255, batch.colour[r])
+def test_pixels_are_of_targets_and_within_their_images(scene):
+    for group in drawn([scene]):
+        view, x, y = group.pixels.T
+        assert set(view) <= set(group.targets)
+        assert x.min() >= 0 and x.max() < 12 and y.min() >= 0 and y.max() < 8
+
+
+def test_whole_images_are_the_same_groups_without_pixels(scene):
+    whole = draw([scene], replace(WANTED, groups=1, pixels=None), np.random.default_rng(0))[0]
+    some = draw([scene], replace(WANTED, groups=1), np.random.default_rng(0))[0]
+    assert whole.pixels is None
+    assert np.array_equal(whole.inputs, some.inputs) and np.array_equal(whole.targets, some.targets)
+
+
+def test_the_colour_is_that_of_the_pixel(scene):
+    colours, weight = pixel_colours(scene, np.array([[3, 11, 0], [7, 2, 5]]))
+    assert np.array_equal(colours * 255, scene.images[[3, 7], [0, 5], [11, 2]])
+    assert (weight == 1).all()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
 def test_rendered_groups_are_drawn_at_their_share(scene, share):
-    config = CONFIG.model_copy(update={"rendered_share": share})
-    inputs = np.concatenate([batch.inputs for batch in drawn(scene, config, 200)])
-    assert (scene.source[inputs[:, 0]] == RENDERED).mean() == pytest.approx(share, abs=0.06)
+    groups = drawn([scene], replace(WANTED, rendered_share=share), 200)
+    assert np.mean([scene.source[group.inputs[0]] == RENDERED for group in groups]) == pytest.approx(share, abs=0.06)
+
+
+def test_scenes_are_drawn_alike_however_large(scene):
+    small = replace(scene, groups=scene.groups | {"real": scene.groups["real"][:2]})
+    groups = drawn([scene, small, scene], count=300)
+    assert np.bincount([group.scene for group in groups]) / len(groups) == pytest.approx(1 / 3, abs=0.05)
+
+
+def test_scenes_of_other_sizes_have_pixels_of_their_own(scene):
+    large = toy_scene(0, 48, 32)
+    groups = drawn([scene, large])
+    assert max(group.pixels[:, 1].max() for group in groups if group.scene == 0) == 11
+    assert max(group.pixels[:, 1].max() for group in groups if group.scene == 1) > 40
 
 
 def test_without_renders_real_groups_fill_in(scene):
     bare = replace(scene, groups=scene.groups | {"rendered": np.zeros((0, 6), np.int32)})
-    for batch in drawn(bare, CONFIG):
-        assert (scene.source[batch.inputs] != RENDERED).all()
+    assert all((scene.source[group.inputs] != RENDERED).all() for group in drawn([bare]))
 
 
 def test_only_training_views_are_drawn(scene):
-    used = np.unique(np.concatenate([batch.inputs for batch in drawn(scene, CONFIG, 100)]))
+    used = np.unique(np.concatenate([[*group.inputs, *group.targets] for group in drawn([scene], count=100)]))
     assert (scene.splits[used] == 0).all()
 
 
 def test_holes_of_a_render_weigh_nothing(scene):
-    batch = drawn(replace(scene, alpha=np.zeros_like(scene.alpha)), CONFIG, 1)[0]
-    assert (batch.weight == 0).all()
+    holes = replace(scene, alpha=np.zeros_like(scene.alpha))
+    assert (pixel_colours(holes, drawn([holes], count=1)[0].pixels)[1] == 0).all()
 
 
 def test_more_inputs_than_members_is_refused(scene):
     with pytest.raises(InputError, match="input_views = 6 leaves no target in the 6 members of groups/real"):
-        check_groups(scene, CONFIG.model_copy(update={"input_views": 6}))
+        check_groups([scene], replace(WANTED, input_views=6))
 
 
 def test_no_group_at_all_is_refused(scene):
     none = np.zeros((0, 6), np.int32)
     with pytest.raises(InputError, match="no training group"):
-        check_groups(replace(scene, groups=scene.groups | {"real": none, "rendered": none}), CONFIG)
+        check_groups([scene, replace(scene, groups=scene.groups | {"real": none, "rendered": none})], WANTED)

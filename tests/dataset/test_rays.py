@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from aug3d_core.dataset.projection import project
 from aug3d_core.dataset.rays import pixel_centres, pixel_rays, view_rays
-from aug3d_core.judging.cheap_answers import project
 from tests.toy_scene import toy_scene
 
 

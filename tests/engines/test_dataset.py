@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from aug3d_core.dataset.batches import check_groups, draw
+from aug3d_core.dataset.batches import Wanted, check_groups, draw
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
 from aug3d_core.dataset.reader import read
@@ -22,7 +22,6 @@ from aug3d_core.factory.stages import DATASET_OF_PHOTOS
 from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.groups.files import GROUPS
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
 from aug3d_core.photos.files import image_name
 from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
@@ -179,9 +178,10 @@ def test_without_virtual_views_the_set_is_of_photographs_alone_and_fine(inputs, 
     packed = read(tmp_path / "out" / SCENE_ZARR)
     assert len(packed) == REAL
     assert packed.groups["rendered"].shape == (0, packed.groups["real"].shape[1])
-    check_groups(packed, TrainingConfig())
-    batch = draw(packed, TrainingConfig(), np.random.default_rng(0))
-    assert (packed.source[batch.inputs] == REAL_SOURCE).all(), "training draws from photographs"
+    wanted = Wanted(2, 3, 0.5, None)
+    check_groups([packed], wanted)
+    drawn = draw([packed], wanted, np.random.default_rng(0))
+    assert all((packed.source[group.inputs] == REAL_SOURCE).all() for group in drawn), "training draws from photographs"
 
 
 def test_a_leak_stops_the_stage_and_names_the_view(scene, inputs, tmp_path):

@@ -6,16 +6,16 @@ import pandas as pd
 import pytest
 import torch
 
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
+from aug3d_core.heads.head import build
+from aug3d_core.heads.saved import load, save
 from aug3d_core.judging import stage as evaluation_stage
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.judging.scores import psnr, ssim
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import InputError
-from aug3d_core.training.checkpoint import load_model, save_model
-from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
-from tests.engines.toy_training import CONFIG, silent
+from tests.engines.toy_training import CONFIG, HEAD, silent
 
 JUDGE = EvaluationConfig(resamples=100, panels=2)
 
@@ -49,44 +49,59 @@ def test_more_inputs_than_a_test_group_has_are_refused(dataset, trained, tmp_pat
 
 
 def test_a_model_comes_back_as_it_was(tmp_path):
-    model = PixelNeRF(CONFIG)
-    save_model(model, tmp_path)
-    again = load_model(tmp_path)
-    assert again.config == CONFIG
+    model = build(HEAD)
+    save(model, tmp_path)
+    again = load(tmp_path)
+    assert again.config == HEAD
     assert all(torch.equal(a, b) for a, b in zip(model.parameters(), again.parameters(), strict=True))
 
 
 def test_weights_of_another_network_are_refused(tmp_path):
-    save_model(PixelNeRF(CONFIG), tmp_path)
-    other = {"config": CONFIG.model_copy(update={"hidden": 32}).model_dump(mode="json")}
+    save(build(HEAD), tmp_path)
+    other = {"head": HEAD.model_copy(update={"hidden": 32}).model_dump(mode="json")}
     (tmp_path / MODEL_CONFIG).write_text(json.dumps(other))
     with pytest.raises(InputError, match="another network"):
-        load_model(tmp_path)
+        load(tmp_path)
 
 
 def test_a_model_from_before_a_difference_had_a_name_is_refused(tmp_path):
     """Filled in by a default, it would be another network that predicts nonsense."""
-    save_model(PixelNeRF(CONFIG), tmp_path)
-    told = {"config": CONFIG.model_dump(mode="json", exclude={"even_exposure"})}
+    save(build(HEAD), tmp_path)
+    told = {"head": HEAD.model_dump(mode="json", exclude={"even_exposure"})}
     (tmp_path / MODEL_CONFIG).write_text(json.dumps(told))
     with pytest.raises(InputError, match=r"before there was even_exposure.*\n.*train"):
-        load_model(tmp_path)
+        load(tmp_path)
+
+
+def test_a_model_of_up_to_0_6_is_read(tmp_path):
+    """Its settings stood among those of training, and its head had no name."""
+    save(build(HEAD), tmp_path)
+    flat = CONFIG.model_dump(mode="json", exclude={"head"}) | HEAD.model_dump(mode="json", exclude={"name"})
+    (tmp_path / MODEL_CONFIG).write_text(json.dumps({"config": flat}))
+    assert load(tmp_path).config == HEAD
+
+
+def test_a_model_of_an_unknown_head_is_refused(tmp_path):
+    save(build(HEAD), tmp_path)
+    (tmp_path / MODEL_CONFIG).write_text(json.dumps({"head": {"name": "../../evil"}}))
+    with pytest.raises(InputError, match="there is no head"):
+        load(tmp_path)
 
 
 @pytest.mark.parametrize("name", [MODEL_WEIGHTS, MODEL_CONFIG])
 def test_a_truncated_model_is_refused(tmp_path, name):
-    save_model(PixelNeRF(CONFIG), tmp_path)
+    save(build(HEAD), tmp_path)
     (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:100])
     with pytest.raises(InputError, match="damaged"):
-        load_model(tmp_path)
+        load(tmp_path)
 
 
 @pytest.mark.parametrize("name", [MODEL_WEIGHTS, MODEL_CONFIG])
 def test_a_missing_model_is_refused(tmp_path, name):
-    save_model(PixelNeRF(CONFIG), tmp_path)
+    save(build(HEAD), tmp_path)
     (tmp_path / name).unlink()
     with pytest.raises(InputError, match=name):
-        load_model(tmp_path)
+        load(tmp_path)
 
 
 def test_scores_of_known_errors():

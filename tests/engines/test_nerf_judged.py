@@ -9,19 +9,20 @@ from PIL import Image
 from skimage.metrics import structural_similarity
 
 from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.new_views import only, with_views
+from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.writer import write
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig, TrainingConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.heads.head import build
+from aug3d_core.heads.saved import save
 from aug3d_core.judging import stage as evaluation_stage
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
 from aug3d_core.judging.files import CONVENTIONS, FLYTHROUGH
 from aug3d_core.judging.flythrough import around
 from aug3d_core.judging.scores import check_test_groups, ssim
-from aug3d_core.novel.views import middle_ground, only, with_views
 from aug3d_core.run.errors import InputError
-from aug3d_core.training.checkpoint import save_model
+from tests.engines.toy_training import HEAD
 
-CONFIG = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
 
 
@@ -29,7 +30,7 @@ JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
 def judged(scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("judged")
     write(scene, folder / SCENE_ZARR, shard_views=64)
-    save_model(PixelNeRF(CONFIG), folder)
+    save(build(HEAD), folder)
     inputs = {"dataset": folder, "training": folder}
     return folder, evaluation_stage.run(inputs, JUDGE, folder, lambda done, total, what: None)
 

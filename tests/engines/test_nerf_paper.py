@@ -5,8 +5,9 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from aug3d_core.dataset.batches import draw
-from aug3d_core.heads.pixelnerf.config import TRAINING_PRESETS
+from aug3d_core.dataset.batches import Wanted, draw, pixel_colours
+from aug3d_core.dataset.rays import pixel_rays, view_rays
+from aug3d_core.heads.pixelnerf.config import PRESETS
 from aug3d_core.heads.pixelnerf.cpu_mlp import ROWS, ResidualStack
 from aug3d_core.heads.pixelnerf.encoder import Encoded, PaperEncoder
 from aug3d_core.heads.pixelnerf.model import PixelNeRF, TensorRays
@@ -14,7 +15,7 @@ from aug3d_core.heads.pixelnerf.reference import encode_plainly, render_plainly
 from aug3d_core.heads.pixelnerf.resnet import ResNet34, used_weights
 from tests.toy_scene import toy_scene
 
-PAPER = TRAINING_PRESETS["paper"].model_copy(
+PAPER = PRESETS["paper"]["head"].model_copy(
     update={"hidden": 16, "coarse_samples": 8, "fine_samples": 4, "depth_samples": 4, "encoder_weights": "random"}
 )
 
@@ -39,7 +40,7 @@ def awake(config):
 
 
 def test_the_preset_is_the_papers_network():
-    model = PixelNeRF(TRAINING_PRESETS["paper"])
+    model = PixelNeRF(PRESETS["paper"]["head"])
     assert model.encoder.channels == 512
     names = {name.split(".")[0] for name, _ in model.coarse.named_parameters()}
     assert names == {"features", "enter", "per_view", "pooled", "leave"}  # no height, no votes
@@ -113,7 +114,9 @@ def test_what_a_frozen_encoder_made_is_kept_within_its_limit(scene):
     encoded.maps(scene, np.array([1]), encode)  # view 5, the oldest, goes
     encoded.maps(scene, np.array([5]), encode)
     assert len(made) == 4
-    encoded.maps(toy_scene(1, 8, 8), np.array([5]), encode)
+    other = toy_scene(1, 8, 8)
+    for one in (other, scene, other):  # scenes that take turns keep their maps
+        encoded.maps(one, np.array([5]), encode)
     assert len(made) == 5
 
 
@@ -133,16 +136,16 @@ def test_other_weights_make_other_maps_of_the_same_views(scene):
 
 @pytest.mark.parametrize("changes", [{}, {"encoder_frozen": False}, {"normalised_z": False, "slab_bounds": True}])
 def test_the_fast_network_computes_what_the_plain_one_does(scene, changes):
-    config = PAPER.model_copy(update={"rendered_share": 0.0, "groups_per_step": 2, "rays_per_group": 24} | changes)
+    config = PAPER.model_copy(update=changes)
     model = awake(config)
-    batch = draw(scene, config, np.random.default_rng(0))
-    rays, truth = TensorRays.of(batch.rays, 2), torch.from_numpy(batch.colour).float()
+    groups = draw([scene], Wanted(2, 3, 0.0, 24), np.random.default_rng(0))
+    inputs, pixels = np.stack([group.inputs for group in groups]), np.concatenate([group.pixels for group in groups])
+    rays = TensorRays.of(pixel_rays(scene, pixels[:, 0], pixels[:, 1:] + 0.5, config.slab_bounds), 2)
+    truth = torch.from_numpy(pixel_colours(scene, pixels)[0]).float()
     found = []
     for render in (
-        lambda noise: model(model.encode(scene, batch.inputs), rays, noise),
-        lambda noise: render_plainly(
-            model, scene, batch.inputs, encode_plainly(model, scene, batch.inputs), rays, noise
-        ),
+        lambda noise: model(model.encode(scene, inputs), rays, noise),
+        lambda noise: render_plainly(model, scene, inputs, encode_plainly(model, scene, inputs), rays, noise),
     ):
         model.zero_grad(set_to_none=True)
         coarse, fine = render(torch.Generator().manual_seed(1))
@@ -160,8 +163,9 @@ def test_the_fast_network_computes_what_the_plain_one_does(scene, changes):
 
 def test_the_plain_network_refuses_what_is_not_the_papers(scene):
     model = PixelNeRF(PAPER.model_copy(update={"blend_inputs": True}))
+    views, rays = np.array([[1, 2]]), TensorRays.of(view_rays(scene, 3, False), 1)
     with pytest.raises(AssertionError, match="does not know blend_inputs"):
-        render_plainly(model, scene, np.array([[1, 2]]), None, None, None)
+        render_plainly(model, scene, views, encode_plainly(model, scene, views), rays, None)
 
 
 @pytest.mark.parametrize("count", [1, ROWS + 7])

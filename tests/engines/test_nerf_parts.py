@@ -5,18 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.nn import functional as F
 
+from aug3d_core.dataset.projection import project
 from aug3d_core.dataset.rays import view_rays
 from aug3d_core.heads.pixelnerf import sampling
 from aug3d_core.heads.pixelnerf.cameras import PIXELS, Grid, lookup
 from aug3d_core.heads.pixelnerf.compositing import composite
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.heads.pixelnerf.encoder import SmallEncoder
 from aug3d_core.heads.pixelnerf.field import Field, encode
 from aug3d_core.heads.pixelnerf.model import PixelNeRF, TensorRays
-from aug3d_core.judging.cheap_answers import bilinear, project
+from aug3d_core.judging.cheap_answers import bilinear
 from tests.toy_scene import toy_scene
 
-SMALL = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
+SMALL = PixelNerfConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 
 
 @pytest.fixture(scope="module")

@@ -14,19 +14,18 @@ from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.writer import write
 from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.transforms import homogeneous, invert
-from aug3d_core.heads.pixelnerf.config import PredictionConfig, TrainingConfig
-from aug3d_core.heads.pixelnerf.model import PixelNeRF
+from aug3d_core.heads.head import build
+from aug3d_core.heads.saved import save
 from aug3d_core.novel import stage as prediction_stage
+from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.files import PREDICTION, PREDICTION_DEPTH, PREDICTION_VIEW
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.files import FILES
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
-from aug3d_core.training.checkpoint import save_model
 from flows.cli import app
+from tests.engines.toy_training import HEAD
 from tests.toy_scene import toy_scene
-
-CONFIG = TrainingConfig(hidden=16, encoder_channels=4, coarse_samples=6, fine_samples=4, depth_samples=2)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +36,7 @@ def made(tmp_path_factory):
         (folder / name).mkdir()
     scene = toy_scene(0, 24, 16)
     write(scene, folder / "dataset" / SCENE_ZARR, shard_views=64)
-    save_model(PixelNeRF(CONFIG), folder / "training")
+    save(build(HEAD), folder / "training")
     table = pd.DataFrame({"photo_id": range(36), "name": [f"day{i % 2}/{i:03}.jpg" for i in range(36)]})
     table.to_parquet(folder / "photos" / PHOTO_TABLE)
     return folder

@@ -4,14 +4,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.dataset.batches import draw
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.dataset.batches import Wanted, draw
 from aug3d_core.training import loop as training
 from aug3d_core.training.checkpoint import saved_steps
 from aug3d_core.training.ddp import Team, fitting_size, gathered
+from tests.engines.toy_training import changed
 from tests.toy_scene import toy_scene
 
-CONFIG = TrainingConfig(
+CONFIG = changed(
     steps=8, groups_per_step=2, hidden=8, encoder_channels=4, coarse_samples=4, fine_samples=2, depth_samples=0,
     rays_per_group=16, warmup_steps=0, checkpoint_every=4,
 )  # fmt: skip
@@ -20,7 +20,7 @@ CONFIG = TrainingConfig(
 def train_without_noise(team, scene, folder):
     """Train with samples in the middle of their parts, for each member draws noise of its own."""
     training.noise_of = lambda seeds: None
-    return training.train(scene, CONFIG, folder, team=team)
+    return training.train([scene], CONFIG, folder, team=team)
 
 
 def test_two_processes_with_a_group_each_come_to_the_weights_of_one_with_two(tmp_path, monkeypatch):
@@ -30,20 +30,19 @@ def test_two_processes_with_a_group_each_come_to_the_weights_of_one_with_two(tmp
     with gathered(2, train_without_noise, scene, tmp_path / "together") as team:
         assert (team.rank, team.size) == (0, 2)
         together = train_without_noise(team, scene, tmp_path / "together")
-    for one, other in zip(alone.model.parameters(), together.model.parameters(), strict=True):
+    for one, other in zip(alone.head.parameters(), together.head.parameters(), strict=True):
         assert torch.allclose(one, other, atol=1e-6)
-    assert [step.loss for step in together.history] == pytest.approx([step.loss for step in alone.history], rel=1e-5)
+    assert [step["loss"] for step in together.history] == pytest.approx(
+        [step["loss"] for step in alone.history], rel=1e-5
+    )
     assert [probe.psnr for probe in together.probes] == pytest.approx([probe.psnr for probe in alone.probes], rel=1e-5)
     assert saved_steps(tmp_path / "together") == [4, 8]
 
 
 def test_members_share_out_the_groups_of_a_step():
-    batch = draw(toy_scene(0, 12, 8), CONFIG.model_copy(update={"groups_per_step": 4}), np.random.default_rng(0))
-    parts = [Team(rank, 2).share(batch) for rank in range(2)]
-    assert np.array_equal(np.concatenate([part.inputs for part in parts]), batch.inputs[[0, 2, 1, 3]])
-    rays = np.concatenate([part.rays.origins for part in parts]).reshape(4, 16, 3)
-    assert np.array_equal(rays, batch.rays.origins.reshape(4, 16, 3)[[0, 2, 1, 3]])
-    assert np.array_equal(Team().share(batch).colour, batch.colour)
+    groups = draw([toy_scene(0, 12, 8)], Wanted(4, 3, 0.5, 16), np.random.default_rng(0))
+    assert [Team(rank, 2).share(groups) for rank in range(2)] == [(groups[0], groups[2]), (groups[1], groups[3])]
+    assert Team().share(groups) == groups
 
 
 @given(st.integers(1, 64), st.integers(0, 16))

@@ -6,25 +6,18 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.run.errors import InputError
 from aug3d_core.training import loop as training
 from aug3d_core.training import stage as training_stage
 from aug3d_core.training.checkpoint import STATE, load_state, save_state, saved_steps
-from aug3d_core.training.files import CHECKPOINT, CURVE, MODEL_CONFIG, MODEL_WEIGHTS
+from aug3d_core.training.files import CHECKPOINT, CURVE
 from aug3d_core.training.loop import train
 from aug3d_core.training.state import begin, begin_again
-from tests.engines.toy_training import CONFIG, silent
+from tests.engines.toy_training import CONFIG, changed, silent
 
-LIGHT = CONFIG.model_copy(
-    update={
-        "steps": 1000,
-        "least_gain_db": 0.0,
-        "hidden": 8,
-        "coarse_samples": 3,
-        "fine_samples": 1,
-        "depth_samples": 0,
-        "rays_per_group": 16,
-    }
+LIGHT = changed(
+    steps=1000, least_gain_db=0.0, hidden=8, coarse_samples=3, fine_samples=1, depth_samples=0, rays_per_group=16
 )
 
 
@@ -55,12 +48,12 @@ def test_training_repeats_to_the_bit(dataset, trained, tmp_path):
 
 
 def test_another_seed_is_another_model(dataset, trained, tmp_path):
-    training_stage.run({"dataset": dataset}, CONFIG.model_copy(update={"seed": 1, "steps": 2}), tmp_path, silent)
+    training_stage.run({"dataset": dataset}, changed(CONFIG, seed=1, steps=2), tmp_path, silent)
     assert not same_files(tmp_path, trained[0], MODEL_WEIGHTS)
 
 
 def test_a_model_that_learned_nothing_is_degraded(dataset, tmp_path):
-    config = CONFIG.model_copy(update={"blend_inputs": False, "steps": 2, "learning_rate": 1e-9})
+    config = changed(CONFIG, blend_inputs=False, steps=2, learning_rate=1e-9)
     outcome = training_stage.run({"dataset": dataset}, config, tmp_path, silent)
     assert outcome.state == "degraded"
     assert "no better than one colour" in outcome.notes[0]
@@ -75,7 +68,7 @@ def killed_at(step, scene, config, checkpoints):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(scene, config, checkpoints, stop)
+        train([scene], config, checkpoints, stop)
 
 
 def test_a_killed_training_resumes_to_the_same_curve_and_weights(scene, dataset, trained, tmp_path):
@@ -121,9 +114,9 @@ def test_a_checkpoint_with_code_is_refused_without_running_it(tmp_path, capsys):
 
 
 def test_a_checkpoint_of_another_configuration_is_refused(scene, tmp_path):
-    save_state(tmp_path, 5, {"config": CONFIG.model_copy(update={"hidden": 32}).model_dump(mode="json")})
+    save_state(tmp_path, 5, {"config": changed(CONFIG, hidden=32).model_dump(mode="json")})
     with pytest.raises(InputError, match="another configuration"):
-        train(scene, CONFIG, tmp_path)
+        train([scene], CONFIG, tmp_path)
 
 
 def test_old_states_are_thinned_out(tmp_path):
@@ -141,7 +134,7 @@ def poisoned_at(step, spoil):
     def report(run):
         if run.step == step and not run.restarts:
             with torch.no_grad():
-                spoil(run.model)
+                spoil(run.head)
 
     return report
 
@@ -155,39 +148,41 @@ def put_out_the_light(model):
 
 
 def test_weights_gone_to_nan_are_left_behind(scene, dataset, tmp_path):
-    config = LIGHT.model_copy(update={"steps": 90, "checkpoint_every": 10})
-    run = train(scene, config, tmp_path, poisoned_at(75, put_nan))
+    config = changed(LIGHT, steps=90, checkpoint_every=10)
+    run = train([scene], config, tmp_path, poisoned_at(75, put_nan))
     restart = run.restarts[0]
     assert restart.trouble.seen_at == 76
     assert restart.trouble.what == "the loss is nan"
     assert restart.again_from == 10  # the first of the window: later ones may already have been ill
     assert run.step == 90
-    assert all(torch.isfinite(p).all() for p in run.model.parameters())
+    assert all(torch.isfinite(p).all() for p in run.head.parameters())
     assert run.optimiser.param_groups[0]["lr"] == pytest.approx(training.rate(config, 89, None, 1))
 
 
 def test_a_field_whose_density_died_is_left_behind(scene, tmp_path):
-    run = train(scene, LIGHT.model_copy(update={"steps": 300}), tmp_path, poisoned_at(55, put_out_the_light))
+    run = train([scene], changed(LIGHT, steps=300), tmp_path, poisoned_at(55, put_out_the_light))
     assert run.restarts[0].trouble == (55, 255, "no light is stopped on any ray")
     assert run.restarts[0].again_from == 5
-    assert run.history[-1].light > 0.01
+    assert run.history[-1]["light"] > 0.01
 
 
 def test_a_training_that_always_ends_in_nan_is_refused_after_three_restarts(scene, tmp_path):
     def poison(run):
         with torch.no_grad():
-            put_nan(run.model)
+            put_nan(run.head)
 
     with pytest.raises(InputError, match=r"the loss is nan at step 2, after 3 restarts .* down at 0\.00011") as caught:
-        train(scene, LIGHT, tmp_path, poison)
+        train([scene], LIGHT, tmp_path, poison)
     assert "lower learning_rate" in caught.value.remedy
 
 
 def test_a_restart_is_told(dataset, scene, tmp_path, monkeypatch):
-    config = LIGHT.model_copy(update={"steps": 30})
+    config = changed(LIGHT, steps=30)
     poison = poisoned_at(15, put_nan)
     monkeypatch.setattr(
-        training_stage, "train", lambda scene, config, folder, report, team: train(scene, config, folder, poison, team)
+        training_stage,
+        "train",
+        lambda scenes, config, folder, report, team: train(scenes, config, folder, poison, team),
     )
     outcome = training_stage.run({"dataset": dataset}, config, tmp_path, silent)
     assert outcome.metrics["restarts"] == 1
@@ -198,15 +193,15 @@ def test_a_restart_is_told(dataset, scene, tmp_path, monkeypatch):
 
 
 def test_a_healthy_training_is_left_alone(scene, tmp_path):
-    run = train(scene, LIGHT.model_copy(update={"steps": 450}), tmp_path)
+    run = train([scene], changed(LIGHT, steps=450), tmp_path)
     assert run.restarts == []
     assert run.step == 450
 
 
 def test_a_killed_training_resumes_after_a_restart_and_in_the_tail(scene, tmp_path):
     """All that decisions rest on is in the checkpoint: the restart, the probes, the plateau."""
-    config = LIGHT.model_copy(update={"steps": 240, "checkpoint_every": 20, "least_gain_db": 10.0})
-    whole = train(scene, config, tmp_path / "whole", poisoned_at(75, put_nan))
+    config = changed(LIGHT, steps=240, checkpoint_every=20, least_gain_db=10.0)
+    whole = train([scene], config, tmp_path / "whole", poisoned_at(75, put_nan))
     assert whole.restarts
     assert whole.step < 240
 
@@ -216,12 +211,12 @@ def test_a_killed_training_resumes_after_a_restart_and_in_the_tail(scene, tmp_pa
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(scene, config, tmp_path / "killed", stop)
-    again = train(scene, config, tmp_path / "killed")
+        train([scene], config, tmp_path / "killed", stop)
+    again = train([scene], config, tmp_path / "killed")
     assert again.history == whole.history
     assert again.probes == whole.probes
     assert again.tail_from == whole.tail_from
-    for one, other in zip(again.model.parameters(), whole.model.parameters(), strict=True):
+    for one, other in zip(again.head.parameters(), whole.head.parameters(), strict=True):
         assert torch.equal(one, other)
 
 
@@ -229,32 +224,32 @@ def test_a_killed_training_resumes_after_a_restart_and_in_the_tail(scene, tmp_pa
 
 
 def test_only_what_is_trained_goes_to_the_optimiser(scene, tmp_path):
-    config = CONFIG.model_copy(update={"encoder_frozen": True, "steps": 3})
-    run = train(scene, config, tmp_path)
+    config = changed(CONFIG, encoder_frozen=True, steps=3)
+    run = train([scene], config, tmp_path)
     fresh = begin(config, torch.device("cpu"))
-    for (name, one), other in zip(run.model.named_parameters(), fresh.model.parameters(), strict=True):
+    for (name, one), other in zip(run.head.named_parameters(), fresh.head.parameters(), strict=True):
         if name.startswith("encoder."):
             assert torch.equal(one, other)
 
 
 @pytest.mark.parametrize("norm", [0.0, 1e-3])
 def test_gradients_are_clipped_where_a_norm_is_set(scene, tmp_path, norm):
-    run = train(scene, CONFIG.model_copy(update={"max_gradient_norm": norm, "steps": 1}), tmp_path)
-    left = math.sqrt(sum(float((p.grad**2).sum()) for p in run.model.parameters() if p.grad is not None))
-    assert left == pytest.approx(norm or run.history[0].gradient, rel=1e-3)
+    run = train([scene], changed(CONFIG, max_gradient_norm=norm, steps=1), tmp_path)
+    left = math.sqrt(sum(float((p.grad**2).sum()) for p in run.head.parameters() if p.grad is not None))
+    assert left == pytest.approx(norm or run.history[0]["gradient"], rel=1e-3)
 
 
 @pytest.mark.parametrize("frozen", [False, True])
 def test_a_new_attempt_has_other_weights_but_keeps_a_frozen_encoder(frozen):
-    run = begin(CONFIG.model_copy(update={"encoder_frozen": frozen}), torch.device("cpu"))
-    before = {name: value.clone() for name, value in run.model.state_dict().items()}
+    run = begin(changed(CONFIG, encoder_frozen=frozen), torch.device("cpu"))
+    before = {name: value.clone() for name, value in run.head.state_dict().items()}
     begin_again(run)
-    same = {name for name, value in run.model.state_dict().items() if torch.equal(value, before[name])}
+    same = {name for name, value in run.head.state_dict().items() if torch.equal(value, before[name])}
     assert "fine.enter.weight" not in same
     assert ("encoder.at_half.0.weight" in same) is frozen
 
 
 def test_the_encoder_starts_from_the_weights_that_are_named(scene, tmp_path):
-    config = CONFIG.model_copy(update={"encoder": "resnet34", "encoder_weights": str(tmp_path / "none.pth")})
+    config = changed(CONFIG, encoder="resnet34", encoder_weights=str(tmp_path / "none.pth"))
     with pytest.raises(InputError, match=r"none\.pth is no file"):
-        train(scene, config, tmp_path)
+        train([scene], config, tmp_path)

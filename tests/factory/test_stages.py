@@ -9,6 +9,7 @@ import pytest
 from aug3d_core.factory import stages
 from aug3d_core.factory.config import AUTO, PRESETS, SceneConfig
 from aug3d_core.factory.stages import STAGES
+from aug3d_core.run.nested import flat
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.code import reached
 
@@ -31,7 +32,8 @@ def test_a_stage_is_declared_in_full(stage: Stage) -> None:
     assert stage.description.endswith(".")
     assert set(stage.presets) in (set(), set(PRESETS) - {AUTO})
     assert {type(config) for config in stage.presets.values()} <= {stage.config}
-    assert set(stage.decidable) <= set(stage.config.model_fields)
+    settings = flat(stage.presets["tiny"].model_dump()) if stage.presets else {}
+    assert set(stage.decidable) <= set(settings)
     assert stage.accuracy in stage.metrics
 
 

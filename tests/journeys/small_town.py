@@ -9,7 +9,7 @@ SETTINGS = {
     "depth": {"max_px": 256},
     "sampling": {"domes": 2},
     "rendering": {"views_per_shard": 4, "samples": 4},
-    "training": {"steps": 30, "checkpoint_every": 10, "hidden": 32, "rays_per_group": 128},
+    "training": {"steps": 30, "checkpoint_every": 10, "head.hidden": 32, "head.rays_per_group": 128},
     "evaluation": {"flythrough_frames": 4},
 }
 OVERRIDES = [

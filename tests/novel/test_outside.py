@@ -13,7 +13,7 @@ from PIL import Image
 from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert
-from aug3d_core.heads.pixelnerf.config import PredictionConfig
+from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.outside import outside_scene, photo_names, photos_digest
 from aug3d_core.novel.views import novel_view
 from aug3d_core.run.errors import InputError

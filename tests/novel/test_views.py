@@ -3,9 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aug3d_core.dataset.new_views import facing, only, with_views
+from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.scene import REAL, check
-from aug3d_core.heads.pixelnerf.config import PredictionConfig
-from aug3d_core.novel.views import facing, middle_ground, novel_view, only, with_views
+from aug3d_core.novel.config import PredictionConfig
+from aug3d_core.novel.views import novel_view
 from aug3d_core.run.errors import InputError
 from tests.toy_scene import ALTITUDE_M, toy_scene
 

@@ -12,7 +12,7 @@ from PIL import Image
 from aug3d_core.dataset.files import LEAK_AUDIT
 from aug3d_core.factory.plan import Step
 from aug3d_core.factory.stages import STAGES
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS
 from aug3d_core.judging.summary import CHEAP, summary
 from aug3d_core.metrics.flat import flat_metrics

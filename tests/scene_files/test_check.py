@@ -37,7 +37,7 @@ def refusal(text: str | bytes) -> str:
         ('photos: "a\\0b"', 1, "is no path"),
         ("photos: 5", 1, "photos = 5: should be a path"),
         ("photos: null\nsettings:\n  training:\n    steps: -5", 4, "settings.training.steps = -5: input should be"),
-        ("photos: null\nsettings:\n  training:\n    step: 5", 4, "did you mean steps? Known: input_views,"),
+        ("photos: null\nsettings:\n  training:\n    step: 5", 4, "did you mean steps? Known: head, input_views,"),
         ("photos: null\nsettings:\n  grouping:\n    k: x", 4, "grouping.k = 'x': input should be a valid integer, unable to"),
         ("photos: null\nsettings:\n  grouping:\n    k: x", 4, ", or input should be 'auto'"),
         ("photos: null\nsettings:\n  trainign: {}", 3, "did you mean training? Known: town, photos,"),
@@ -91,7 +91,7 @@ def test_what_is_left_empty_is_left_out() -> None:
 def test_what_is_set_is_not_left_to_auto() -> None:
     entry = checked_entry(FILE, b"photos: null\npreset: auto\nsettings:\n  training:\n    steps: 1200\n")
     config = entry.config()
-    assert "training.steps" not in config.auto and "training.hidden" in config.auto
+    assert "training.steps" not in config.auto and "training.head.hidden" in config.auto
     assert checked_entry(FILE, b"photos: null\npreset: small\n").config().auto == ()
 
 

@@ -27,7 +27,7 @@ def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def digests() -> dict[str, str]:
-    return {stage.name: code_digest([stage.entry]) for stage in FROM_TOWN}
+    return {stage.name: code_digest([stage.entry, *stage.presets["tiny"].modules]) for stage in FROM_TOWN}
 
 
 def changed(before: dict[str, str]) -> set[str]:
@@ -60,6 +60,18 @@ def test_a_setting_of_the_prediction_changes_no_stage_of_a_run(copy: Path) -> No
     (config,) = (path for path in copy.rglob("config.py") if head in path.read_text())
     config.write_text(config.read_text().replace(head, f"{head}\n{field}"))
     assert changed(before) == set()
+
+
+def test_a_second_head_changes_no_stage(copy: Path) -> None:
+    before = digests()
+    shutil.copytree(copy / "heads" / "pixelnerf", copy / "heads" / "another")
+    assert changed(before) == set()
+
+
+def test_the_code_of_a_head_changes_what_it_trains_alone(copy: Path) -> None:
+    before, field = digests(), copy / "heads" / "pixelnerf" / "field.py"
+    field.write_text(field.read_text().replace("VOTERS = 16", "VOTERS = 17"))
+    assert changed(before) == {"training"}, "what runs a trained head has its code from the training's record"
 
 
 def test_a_move_changes_nothing(copy: Path) -> None:

@@ -11,10 +11,11 @@ import pytest
 
 from aug3d_core.domes.config import SamplingConfig
 from aug3d_core.factory import stages
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.run.stage import Stage
 from aug3d_core.store import keys
 from aug3d_core.store.code import reached
+from aug3d_core.training.config import TrainingConfig
 from tests.tests_support import FakeConfig, fake_stage
 
 
@@ -76,7 +77,7 @@ def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> N
 DISTRIBUTIONS = {
     "PIL": "pillow", "cv2": "opencv-python-headless", "skimage": "scikit-image",
     "numpy": "",  # an engine of every stage as it is
-    "jaxtyping": "", "pydantic": "",  # say what is given, and compute nothing
+    "jaxtyping": "", "pydantic": "", "pydantic_core": "",  # say what is given, and compute nothing
     "OpenEXR": "", "pandas": "", "pyarrow": "", "safetensors": "", "zarr": "",  # containers: what was written is read
     "matplotlib": "",  # draws for people alone
     "psutil": "",  # watches processes
@@ -86,7 +87,8 @@ DISTRIBUTIONS = {
 
 def third_parties(stage: Stage) -> set[str]:
     """Return what is imported from elsewhere by all code of a stage."""
-    used = [target for uses in reached([stage.entry]).values() for _, target in uses if isinstance(target, str)]
+    entries = [stage.entry, *(stage.presets["tiny"].modules if stage.presets else ())]
+    used = [target for uses in reached(entries).values() for _, target in uses if isinstance(target, str)]
     return {target.partition(":")[0].partition(".")[0] for target in used} - sys.stdlib_module_names
 
 
@@ -107,13 +109,13 @@ def test_what_segments_photographs_counts_where_it_is_asked_for(monkeypatch: pyt
 def test_weights_are_known_by_their_bytes(tmp_path: Path) -> None:
     training = stages.STAGES["training"]
     weights = tmp_path / "resnet34.safetensors"
-    config = TrainingConfig(encoder_weights=str(weights))
+    config = TrainingConfig(head=PixelNerfConfig(encoder_weights=str(weights)))
     found = {keys.recipe_of(training, config)}
     for time_ns, content in enumerate((b"one", b"two")):
         weights.write_bytes(content)
         os.utime(weights, ns=(time_ns, time_ns))
         found.add(keys.recipe_of(training, config))
-    assert len(found) == 3 and not TrainingConfig(encoder_weights="auto").files
+    assert len(found) == 3 and not TrainingConfig(head=PixelNerfConfig(encoder_weights="auto")).files
 
 
 def test_a_model_that_segments_is_known_by_its_bytes_where_it_is_a_folder(tmp_path: Path) -> None:

@@ -2,25 +2,29 @@ import math
 
 import pytest
 
-from aug3d_core.training.divergence import WINDOW, Measures, find_trouble, worse_than_one_colour
+from aug3d_core.training.divergence import WINDOW, find_trouble, worse_than_one_colour
 
-HEALTHY = Measures(
+HEALTHY = dict(
     loss=0.02, error=0.009, gradient=0.1, light=0.9, front=0.01,
     spread=0.02, truth_spread=0.03, brightness=0.4, truth_brightness=0.45,
 )  # fmt: skip
-LOST = "rays are worse than one colour, and were better"
+SYMPTOMS = {
+    "no light is stopped on any ray": lambda step: step["light"] < 1e-4,
+    "all light is stopped where rays begin": lambda step: step["front"] > 1 - 1e-4,
+}
+LOST = "pixels are worse than one colour, and were better"
 DEAD = {
-    "no light is stopped on any ray": HEALTHY._replace(light=0.0),
-    "all light is stopped where rays begin": HEALTHY._replace(front=1.0),
-    "every ray is black": HEALTHY._replace(spread=0.0, brightness=0.0, error=0.23),
-    "every ray has the same colour": HEALTHY._replace(spread=1e-9, error=0.03),
-    LOST: HEALTHY._replace(error=0.04),
+    "no light is stopped on any ray": HEALTHY | dict(light=0.0),
+    "all light is stopped where rays begin": HEALTHY | dict(front=1.0),
+    "every pixel is black": HEALTHY | dict(spread=0.0, brightness=0.0, error=0.23),
+    "every pixel has the same colour": HEALTHY | dict(spread=1e-9, error=0.03),
+    LOST: HEALTHY | dict(error=0.04),
 }
 
 
 def watched(steps):
     """Return the first trouble that is seen when steps are watched one by one."""
-    return next((trouble for n in range(1, len(steps) + 1) if (trouble := find_trouble(steps[:n]))), None)
+    return next((trouble for n in range(1, len(steps) + 1) if (trouble := find_trouble(steps[:n], SYMPTOMS))), None)
 
 
 @pytest.mark.parametrize("what", DEAD)
@@ -36,19 +40,17 @@ def test_each_trouble_is_seen_within_500_steps_and_dated_to_when_all_was_well(wh
 @pytest.mark.parametrize("name", ["loss", "gradient"])
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_what_is_not_finite_is_seen_at_once(name, value):
-    assert watched([HEALTHY] * 7 + [HEALTHY._replace(**{name: value})]) == (7, 8, f"the {name} is {value}")
+    assert watched([HEALTHY] * 7 + [HEALTHY | {name: value}]) == (7, 8, f"the {name} is {value}")
 
 
 def test_a_network_that_was_ruined_before_it_learned_anything_is_seen():
-    trouble = watched([HEALTHY._replace(error=0.02)] + [HEALTHY._replace(error=0.2)] * 400)
-    assert trouble == (0, WINDOW, "rays are twice as wrong as those of an untrained network")
+    trouble = watched([HEALTHY | dict(error=0.02)] + [HEALTHY | dict(error=0.2)] * 400)
+    assert trouble == (0, WINDOW, "pixels are twice as wrong as those of an untrained network")
 
 
 def test_an_honest_start_is_left_alone():
     """The paper's network: far worse than one colour, then one grey with little spread, for hundreds of steps."""
-    steps = [
-        HEALTHY._replace(error=0.03 * (1 + 4 * math.exp(-n / 300)), spread=0.0005, light=0.05) for n in range(2000)
-    ]
+    steps = [HEALTHY | dict(error=0.03 * (1 + 4 * math.exp(-n / 300)), spread=0.0005, light=0.05) for n in range(2000)]
     assert watched(steps) is None
 
 
@@ -58,10 +60,10 @@ def test_a_few_bad_steps_are_no_trouble():
 
 
 def test_a_scene_of_one_colour_may_be_shown_in_one_colour():
-    assert watched([HEALTHY._replace(truth_spread=1e-6, spread=0.0, error=1e-7)] * 500) is None
+    assert watched([HEALTHY | dict(truth_spread=1e-6, spread=0.0, error=1e-7)] * 500) is None
 
 
 def test_what_is_worse_than_one_colour_at_the_end_is_told():
     assert not worse_than_one_colour([HEALTHY] * 300)
-    assert worse_than_one_colour([HEALTHY] * 300 + [HEALTHY._replace(error=0.04)] * WINDOW)
-    assert worse_than_one_colour([HEALTHY._replace(error=0.04)] * 3)
+    assert worse_than_one_colour([HEALTHY] * 300 + [HEALTHY | dict(error=0.04)] * WINDOW)
+    assert worse_than_one_colour([HEALTHY | dict(error=0.04)] * 3)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.training.config import TrainingConfig
 from aug3d_core.training.schedule import Probe, enough, last_step, probe_due, rate
 
 CONFIG = TrainingConfig(steps=1200, warmup_steps=100)

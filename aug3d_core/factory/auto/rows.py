@@ -9,10 +9,10 @@ from typing import Any
 from aug3d_core.factory.auto.distinct import photos_worth
 from aug3d_core.factory.auto.ground_kind import ground_of
 from aug3d_core.factory.plan import Step
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
 from aug3d_core.run.stage import Decision
 from aug3d_core.sfm.files import POINTS, TRACKS
 from aug3d_core.store.record import Record
+from aug3d_core.training.config import TrainingConfig
 
 _INPUTS = TrainingConfig().input_views  # of a run that ends before training
 

@@ -5,13 +5,15 @@ A rule returns None where the scene tells it nothing: then the setting stays as 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from aug3d_core.factory.auto import network, pictures, views
+from aug3d_core.factory.auto import pictures, pixelnerf, views
 from aug3d_core.factory.auto.decision import Known
 from aug3d_core.run.stage import Decision
 
-RULES: dict[str, Callable[[Known], Decision | None]] = {
+Rule = Callable[[Known], Decision | None]
+
+RULES: Mapping[str, Rule] = {
     "photos.max_px": pictures.photo_px,
     "photos.least_motion": pictures.least_motion,
     "matching.first_octave": pictures.first_octave,
@@ -22,13 +24,12 @@ RULES: dict[str, Callable[[Known], Decision | None]] = {
     "sampling.height_px": pictures.view_height,
     "sampling.domes": views.domes,
     "training.rendered_share": views.rendered_share,
-    "training.encoder_channels": network.encoder_channels,
-    "training.hidden": network.hidden,
-    "training.coarse_samples": network.coarse_samples,
-    "training.fine_samples": network.fine_samples,
-    "training.depth_samples": network.depth_samples,
-    "training.steps": network.steps,
-    "training.warmup_steps": network.warmup_steps,
-    "training.least_gain_db": network.least_gain,
     "evaluation.input_views": views.input_views,
 }
+# How a model is trained, and its own settings: measured for each head by itself
+RULES_OF_HEADS: Mapping[str, Mapping[str, Rule]] = {"pixelnerf": pixelnerf.RULES}
+
+
+def rule_of(field: str, head: str) -> Rule | None:
+    """Return the rule that decides a field where a head is trained, None if there is none."""
+    return RULES_OF_HEADS.get(head, {}).get(field) or RULES.get(field)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from aug3d_core.factory.auto.decision import Known, Settled
-from aug3d_core.factory.auto.rules import RULES
+from aug3d_core.factory.auto.rules import rule_of
 from aug3d_core.factory.config import SceneConfig, left_open
 from aug3d_core.factory.material import Material
+from aug3d_core.run.nested import merged, nested
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -25,6 +26,7 @@ def settle(
     if not open_fields:
         return Settled(chosen)
     known = Known(config, records, store, material or Material())
-    decisions = tuple(found for field in open_fields if (found := RULES[f"{stage.name}.{field}"](known)))
-    values = {found.field.partition(".")[2]: found.value for found in decisions}
-    return Settled(type(chosen).model_validate(chosen.model_dump() | values), decisions)
+    rules = [rule_of(f"{stage.name}.{field}", config.training.head.name) for field in open_fields]
+    decisions = tuple(found for rule in rules if rule and (found := rule(known)))
+    values = nested({found.field.partition(".")[2]: found.value for found in decisions})
+    return Settled(type(chosen).model_validate(merged(chosen.model_dump(), values)), decisions)

@@ -23,7 +23,7 @@ class ResidualStack(torch.autograd.Function):
     def forward(
         ctx: Any,
         known: Float[Tensor, "n d"],
-        features: Float[Tensor, "n b*h"],
+        features: Float[Tensor, "n bh"],
         enter: Float[Tensor, "h d"],
         first: Float[Tensor, "b h h"],
         bias: Float[Tensor, "b h"],

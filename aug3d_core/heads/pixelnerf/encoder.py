@@ -18,7 +18,7 @@ from torch.nn import functional as F
 
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.pixelnerf.cameras import Grid
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.heads.pixelnerf.resnet import ResNet34
 
 
@@ -89,35 +89,40 @@ class PaperEncoder(nn.Module):
         )
 
 
-ENCODERS: dict[str, Callable[[TrainingConfig], SmallEncoder | PaperEncoder]] = {
+ENCODERS: dict[str, Callable[[PixelNerfConfig], SmallEncoder | PaperEncoder]] = {
     "small": lambda config: SmallEncoder(config.encoder_channels),
     "resnet34": lambda config: PaperEncoder(config.encoder_frozen),
 }
 
 
 class Encoded:
-    """Maps that a frozen encoder made of one scene's views, up to a limit of memory; the oldest go first."""
+    """Maps that a frozen encoder made of views, up to a limit of memory; the oldest go first."""
 
     def __init__(self, limit_bytes: int = 2**30) -> None:
         self._limit_bytes = limit_bytes
-        self._scene: Scene | None = None
-        self._kept: OrderedDict[int, Tensor] = OrderedDict()
+        self._scenes: list[Scene] = []
+        self._kept: OrderedDict[tuple[int, int], Tensor] = OrderedDict()  # by scene and view
 
     def forget(self) -> None:
         """Drop all maps: the encoder has other weights now."""
-        self._kept = OrderedDict()
+        self._scenes, self._kept = [], OrderedDict()
 
     def maps(
         self, scene: Scene, views: Int[np.ndarray, " n"], encode: Callable[[Int[np.ndarray, " m"]], Tensor]
     ) -> Float[Tensor, "n h w c"]:
         """Return maps of views; those at the places `encode` is given are encoded now."""
-        if self._scene is not scene:
-            self.forget()
-            self._scene = scene
-        new = np.array([place for place, view in enumerate(views) if int(view) not in self._kept], int)
+        own = self._number(scene)
+        wanted = [(own, int(view)) for view in views]
+        new = np.array([place for place, view in enumerate(wanted) if view not in self._kept], int)
         if len(new):
-            self._kept.update(zip(views[new].tolist(), encode(new), strict=True))
-        maps = torch.stack([self._kept[view] for view in views.tolist()])
+            self._kept.update(zip((wanted[place] for place in new), encode(new), strict=True))
+        maps = torch.stack([self._kept[view] for view in wanted])
         while sum(one.nbytes for one in self._kept.values()) > self._limit_bytes and len(self._kept) > 1:
             self._kept.popitem(last=False)
         return maps
+
+    def _number(self, scene: Scene) -> int:
+        known = next((number for number, one in enumerate(self._scenes) if one is scene), None)
+        if known is None:
+            self._scenes.append(scene)
+        return len(self._scenes) - 1 if known is None else known

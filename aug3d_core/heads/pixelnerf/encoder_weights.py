@@ -20,7 +20,9 @@ from aug3d_core.run.errors import InputError
 
 _IMAGENET = "https://download.pytorch.org/models/resnet34-b627a593.pth"  # torchvision's; the name ends in its SHA-256
 _PATIENCE_S = 20.0
-_CHOICES = "set training.encoder_weights to auto, random, or a file of torchvision's resnet34 (.pth or .safetensors)"
+_CHOICES = (
+    "set training.head.encoder_weights to auto, random, or a file of torchvision's resnet34 (.pth or .safetensors)"
+)
 
 
 def start_trunk(trunk: ResNet34, setting: str) -> str:
@@ -46,18 +48,18 @@ def start_trunk(trunk: ResNet34, setting: str) -> str:
         trunk.load_state_dict(used_weights(weights))
     except RuntimeError as error:
         lacking = " ".join(str(error).splitlines()[1:2]).strip()[:200]
-        raise InputError(f"training.encoder_weights {where} is of another network: {lacking}", _CHOICES) from error
+        raise InputError(f"training.head.encoder_weights {where} is of another network: {lacking}", _CHOICES) from error
     return where
 
 
 def _read(path: Path) -> dict[str, Tensor]:
     if not path.is_file():
-        raise InputError(f"training.encoder_weights {path} is no file", _CHOICES)
+        raise InputError(f"training.head.encoder_weights {path} is no file", _CHOICES)
     try:
         return load_file(path) if path.suffix == ".safetensors" else torch.load(path, "cpu", weights_only=True)
     except (SafetensorError, RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError(f"training.encoder_weights {path} is damaged ({reason})", _CHOICES) from error
+        raise InputError(f"training.head.encoder_weights {path} is damaged ({reason})", _CHOICES) from error
 
 
 @contextmanager

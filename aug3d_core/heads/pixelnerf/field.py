@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.heads.pixelnerf.cpu_mlp import ResidualStack
 
 HEIGHT_OCTAVES = 5  # of the encoding of the height in the slab
@@ -45,7 +45,7 @@ class Seen:
     position: Float[Tensor, "g v p 3"]  # in the view's frame, in units of the scene's scale
     direction: Float[Tensor, "g v p 3"]  # of the ray, in the view's frame, unit length
     height: Float[Tensor, "g p"]  # in the slab: 0 at its bottom, 1 at its top
-    features: Float[Tensor, "g v p b*h"]  # of each block, side by side
+    features: Float[Tensor, "g v p bh"]  # of each block, side by side
     visible: Bool[Tensor, "g v p"] | None  # None: every view counts
     pixels: SeenPixels | None  # None: the configuration does not look at them
 
@@ -69,7 +69,7 @@ class Block(nn.Module):
 class Field(nn.Module):
     """The network; there is one for the coarse and one for the fine pass."""
 
-    def __init__(self, config: TrainingConfig, channels: int) -> None:
+    def __init__(self, config: PixelNerfConfig, channels: int) -> None:
         super().__init__()
         self.config = config
         width = config.hidden
@@ -103,7 +103,7 @@ class Field(nn.Module):
     def _before_mean(self) -> list[Block]:
         return cast("list[Block]", list(self.per_view))
 
-    def project(self, maps: Float[Tensor, "n h w c"]) -> Float[Tensor, "n h w b*h"]:
+    def project(self, maps: Float[Tensor, "n h w c"]) -> Float[Tensor, "n h w bh"]:
         """Apply every block's feature layer to whole maps, and add the biases that what is looked up will meet anyway.
 
         Weights of a bilinear lookup sum to one, so a constant passes through it.
@@ -145,7 +145,7 @@ class Field(nn.Module):
             )
         return x.unflatten(0, shape) + blocks[-1].second.bias
 
-    def _in_layers(self, known: Float[Tensor, "n d"], features: Float[Tensor, "n b*h"]) -> Float[Tensor, "n h"]:
+    def _in_layers(self, known: Float[Tensor, "n d"], features: Float[Tensor, "n bh"]) -> Float[Tensor, "n h"]:
         """Return what the stack does, in layers that mixed precision knows."""
         x = F.linear(known, self.enter.weight)
         for block, some in zip(self._before_mean, features.split(self.config.hidden, dim=1), strict=True):

@@ -17,7 +17,7 @@ from aug3d_core.heads.exposure import Exposure
 from aug3d_core.heads.pixelnerf import sampling
 from aug3d_core.heads.pixelnerf.cameras import PIXELS, Cameras, Grid, lookup
 from aug3d_core.heads.pixelnerf.compositing import Pixels, composite
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.heads.pixelnerf.encoder import ENCODERS, Encoded
 from aug3d_core.heads.pixelnerf.field import Field, Seen, SeenPixels
 
@@ -80,13 +80,15 @@ class TensorRays:
 class PixelNeRF(nn.Module):
     """Encoder, coarse field and fine field."""
 
-    def __init__(self, config: TrainingConfig) -> None:
+    def __init__(self, config: PixelNerfConfig) -> None:
         super().__init__()
         self.config = config
         self.encoder = ENCODERS[config.encoder](config)
         self.coarse = Field(config, self.encoder.channels)
         self.fine = Field(config, self.encoder.channels)
         self._encoded = Encoded()
+        if config.encoder_frozen:
+            self.encoder.requires_grad_(False)
         self.register_load_state_dict_post_hook(lambda *_: self._encoded.forget())
 
     @property
@@ -128,12 +130,17 @@ class PixelNeRF(nn.Module):
     def _tensor(self, array: np.ndarray) -> Tensor:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
-    def forward(self, inputs: Inputs, rays: TensorRays, noise: torch.Generator | None) -> tuple[Pixels, Pixels]:
-        """Render rays coarsely and finely (r = g * rays per group); without noise, always the same."""
+    def forward(
+        self, inputs: Inputs, rays: TensorRays, noise: torch.Generator | None, mixed: bool = False
+    ) -> tuple[Pixels, Pixels]:
+        """Render rays coarsely and finely (r = g * rays per group); without noise, always the same.
+
+        mixed: let the fields compute in bfloat16; where points lie stays in float32, for it has to be known to a pixel's part.
+        """
         rays, config = rays.to(self.device), self.config
         near, far = rays.near.flatten(), rays.far.flatten()
         t = sampling.stratified(near, far, self._noise(len(near), config.coarse_samples, noise))
-        coarse = self._shade(self.coarse, inputs.coarse, inputs, rays, t)
+        coarse = self._shade(self.coarse, inputs.coarse, inputs, rays, t, mixed)
         # A network gone to NaN must show in the loss, where it is caught, and not as an index out of range here.
         weights, depth = coarse.weights.detach().nan_to_num(), coarse.depth.detach().nan_to_num()
         borders = sampling.edges(t, near, far)
@@ -142,16 +149,20 @@ class PixelNeRF(nn.Module):
             sampling.around_depth(depth, near, far, self._noise(len(near), config.depth_samples, noise)),
         ]
         t = torch.cat([t, *added], dim=1).sort(dim=1).values
-        return coarse, self._shade(self.fine, inputs.fine, inputs, rays, t)
+        return coarse, self._shade(self.fine, inputs.fine, inputs, rays, t, mixed)
 
-    def _shade(self, field: Field, maps: Tensor, inputs: Inputs, rays: TensorRays, t: Float[Tensor, "r s"]) -> Pixels:
+    def _shade(
+        self, field: Field, maps: Tensor, inputs: Inputs, rays: TensorRays, t: Float[Tensor, "r s"], mixed: bool
+    ) -> Pixels:
         groups, count = rays.near.shape
         samples = t.shape[1]
         steps = t.reshape(groups, count, samples, 1)
         points = (rays.origins[:, :, None] + steps * rays.directions[:, :, None]).flatten(1, 2)
         turned = inputs.cameras.directions_in_cam(F.normalize(rays.directions, dim=-1))
         turned = turned[:, :, :, None].expand(-1, -1, -1, samples, -1).flatten(2, 3)
-        colour, density = field(self._look(maps, inputs, points, turned))
+        seen = self._look(maps, inputs, points, turned)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=mixed):
+            colour, density = (part.float() for part in field(seen))
         if inputs.exposure is not None and not self.config.blend_inputs:  # what is blended has its own exposure
             colour = inputs.exposure.restore(colour)
         near, far = rays.near.flatten(), rays.far.flatten()

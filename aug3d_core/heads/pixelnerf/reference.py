@@ -22,7 +22,7 @@ from aug3d_core.heads.pixelnerf.model import PixelNeRF, TensorRays
 _NOT_THE_PAPERS = ("see_pixels", "even_exposure", "mask_unseen", "blend_inputs", "encode_height", "opaque_end")
 
 
-def encode_plainly(model: PixelNeRF, scene: Scene, views: np.ndarray) -> Float[Tensor, "g*v c h w"]:
+def encode_plainly(model: PixelNeRF, scene: Scene, views: np.ndarray) -> Float[Tensor, "gv c h w"]:
     """Encode the input views (g v) of groups."""
     images = torch.from_numpy(scene.images[views].astype(np.float32)).movedim(-1, 2) / 255
     return model.encoder((images * 2 - 1).flatten(0, 1))
@@ -32,7 +32,7 @@ def render_plainly(
     model: PixelNeRF,
     scene: Scene,
     views: np.ndarray,
-    maps: Float[Tensor, "g*v c h w"],
+    maps: Float[Tensor, "gv c h w"],
     rays: TensorRays,
     noise: torch.Generator | None,
 ) -> tuple[Pixels, Pixels]:
@@ -85,7 +85,7 @@ def _one_view(
     view: int,
     points: Float[Tensor, "r s 3"],
     directions: Float[Tensor, "r 3"],
-) -> Float[Tensor, "r s h"]:
+) -> Float[Tensor, "r s width"]:
     """Look at points from one input view, up to where the views are averaged."""
     config = model.config
     cam_from_world = torch.from_numpy(invert(scene.world_from_cam[view][:3]).astype(np.float32))

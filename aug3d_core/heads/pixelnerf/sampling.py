@@ -26,7 +26,7 @@ def edges(t: Float[Tensor, "r s"], near: Float[Tensor, " r"], far: Float[Tensor,
 
 
 def by_importance(
-    borders: Float[Tensor, "r s+1"], weights: Float[Tensor, "r s"], noise: Float[Tensor, "r f"]
+    borders: Float[Tensor, "r s1"], weights: Float[Tensor, "r s"], noise: Float[Tensor, "r f"]
 ) -> Float[Tensor, "r f"]:
     """Draw samples with density proportional to the weights within their borders (inverse of the distribution)."""
     count = noise.shape[1]

@@ -17,8 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aug3d_core.dataset.batches import Batch, draw
-from aug3d_core.dataset.rays import view_rays
+from aug3d_core.dataset.batches import Group, Wanted, draw, pixel_colours
+from aug3d_core.dataset.rays import pixel_rays, view_rays
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.pixelnerf.compositing import Pixels
@@ -59,22 +59,25 @@ def cropped(scene: Scene, side_px: int) -> Scene:
         alpha=scene.alpha[:, rows, columns],
         depth=scene.depth[:, rows, columns],
         intrinsics=scene.intrinsics - [0, 0, left, top],
+        baseline_images=scene.baseline_images[:, rows, columns],
+        baseline_alpha=scene.baseline_alpha[:, rows, columns],
     )
 
 
 def measure(scene: Scene, job: SpeedJob) -> SpeedTold:
     """Train and render with both networks, turn by turn; or with one alone, for its memory."""
     model = _awake(job)
-    batch = draw(scene, job.config, np.random.default_rng(job.config.seed))
+    wanted = Wanted(1, job.input_views, 0.0, job.config.rays_per_group)
+    (group,) = draw([scene], wanted, np.random.default_rng(job.seed))
     networks = {
         FAST: Network(partial(model.encode, scene), lambda _, inputs, *rays: model(inputs, *rays)),
         PLAIN: Network(partial(encode_plainly, model, scene), partial(render_plainly, model, scene)),
     }
     if job.memory_of:
         networks = {job.memory_of: networks[job.memory_of]}
-    whole = TensorRays.of(view_rays(scene, int(batch.inputs[0, 0]), job.config.slab_bounds), 1)
-    steps = {name: partial(_step, model, network, batch) for name, network in networks.items()}
-    views = {name: partial(_view, model, network, batch.inputs[:1], whole) for name, network in networks.items()}
+    whole = TensorRays.of(view_rays(scene, int(group.inputs[0]), job.config.slab_bounds), 1)
+    steps = {name: partial(_step, model, network, scene, group) for name, network in networks.items()}
+    views = {name: partial(_view, model, network, group.inputs[None], whole) for name, network in networks.items()}
     trained, train_seconds = _turns(steps, job.repeats)
     rendered, render_seconds = _turns(views, job.repeats)
     apart = (0.0, 0.0)
@@ -84,7 +87,7 @@ def measure(scene: Scene, job: SpeedJob) -> SpeedTold:
     return SpeedTold(
         train_seconds=train_seconds,
         render_seconds=render_seconds,
-        train_rays=len(batch.colour),
+        train_rays=wanted.pixels or 0,
         render_rays=whole.near.numel(),
         output_difference=apart[0],
         gradient_difference=apart[1],
@@ -94,7 +97,7 @@ def measure(scene: Scene, job: SpeedJob) -> SpeedTold:
 
 def _awake(job: SpeedJob) -> PixelNeRF:
     """Return a network in which no layer is still zero, as after some training: nothing is hidden by it."""
-    torch.manual_seed(job.config.seed)
+    torch.manual_seed(job.seed)
     model = PixelNeRF(job.config)
     with torch.no_grad():
         for parameter in model.parameters():
@@ -103,13 +106,14 @@ def _awake(job: SpeedJob) -> PixelNeRF:
     return model
 
 
-def _step(model: PixelNeRF, network: Network, batch: Batch) -> tuple[Tensor, dict[str, Tensor]]:
+def _step(model: PixelNeRF, network: Network, scene: Scene, group: Group) -> tuple[Tensor, dict[str, Tensor]]:
     """Return the colours of a training step's rays, and the gradients."""
     model.train().zero_grad(set_to_none=True)
-    truth = torch.from_numpy(batch.colour.astype(np.float32))
-    noise = torch.Generator().manual_seed(0)
-    rays = TensorRays.of(batch.rays, len(batch.inputs))
-    coarse, fine = network.render(batch.inputs, network.encode(batch.inputs), rays, noise)
+    assert group.pixels is not None
+    truth = torch.from_numpy(pixel_colours(scene, group.pixels)[0].astype(np.float32))
+    noise, views = torch.Generator().manual_seed(0), group.inputs[None]
+    lines = pixel_rays(scene, group.pixels[:, 0], group.pixels[:, 1:] + 0.5, model.config.slab_bounds)
+    coarse, fine = network.render(views, network.encode(views), TensorRays.of(lines, 1), noise)
     (((coarse.colour - truth) ** 2).mean() + ((fine.colour - truth) ** 2).mean()).backward()
     gradients = {name: p.grad.clone() for name, p in model.named_parameters() if p.grad is not None}
     return fine.colour.detach(), gradients

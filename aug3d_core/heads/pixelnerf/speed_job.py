@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from aug3d_core.heads.pixelnerf.config import TrainingConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.run.stage import Frozen
 
 FAST, PLAIN = "fast", "plain"
@@ -16,7 +16,9 @@ class SpeedJob(Frozen):
     """Time a training step and a rendering of the fast and the plain network, or measure the memory of one of them."""
 
     scene: Path
-    config: TrainingConfig
+    config: PixelNerfConfig
+    input_views: int = Field(default=3, description="Views that the one group is given.")
+    seed: int = 0
     side_px: int = Field(description="Views are cropped to squares of this side.")
     repeats: int
     memory_of: str | None = Field(

@@ -8,7 +8,9 @@ from html import escape
 import numpy as np
 import pandas as pd
 
+from aug3d_core.heads.config import title_of
 from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS
+from aug3d_core.judging.summary import CHEAP
 from aug3d_core.metrics.pooled import test_views
 from aug3d_core.report.html import number, spaced, table, tag
 from aug3d_core.report.reported_run import ReportedRun
@@ -29,7 +31,7 @@ def training(run: ReportedRun) -> str:
         said.append(
             f"{number(m.get('steps'))} steps{name}, {_ENDS.get(str(m.get('stopped_by')), '')};"
             f" {number(m.get('restarts'))} restarts; {number(m.get('parameters'))} parameters;"
-            f" {number(m.get('rays_per_second'))} rays per second."
+            f" {number(m.get('groups_per_second'))} groups per second."
         )
         for series, points in record.series.items():
             title = f"{_CURVES.get(series, series)}{name}"
@@ -48,23 +50,24 @@ def test(run: ReportedRun) -> str:
     stated = tests[0].file("evaluation", CONVENTIONS)
     rules = json.loads(stated.read_text()) if stated else None
     panels = "".join(each.pictures("evaluation") for each in tests)
+    head = title_of(run.metrics.get("nvs", {}).get("head"))
     return (
-        _groups(views, rules)
-        + _photos(run, views)
+        _groups(views, rules, head)
+        + _photos(run, views, head)
         + tag("h3", "Panels: inputs, photograph, prediction, depth, error, cheap answers")
         + tag("div", panels, class_="card pictures panels")
     )
 
 
 def _answers(views: pd.DataFrame) -> list[str]:
-    return ["psnr", *(c for c in views.columns if c.endswith("_psnr") and c != "coarse_psnr")]
+    return ["psnr", *(f"{name}_psnr" for name in CHEAP if f"{name}_psnr" in views)]
 
 
-def _called(answer: str) -> str:
-    return "PixelNeRF" if answer == "psnr" else spaced(answer.removesuffix("_psnr"))
+def _called(answer: str, head: str) -> str:
+    return head if answer == "psnr" else spaced(answer.removesuffix("_psnr"))
 
 
-def _groups(views: pd.DataFrame, rules: dict[str, str] | None) -> str:
+def _groups(views: pd.DataFrame, rules: dict[str, str] | None, head: str) -> str:
     """Return a row per answer with its best, lowest and average test group, as in the paper's first table."""
     rows = []
     for name in _answers(views):
@@ -72,7 +75,11 @@ def _groups(views: pd.DataFrame, rules: dict[str, str] | None) -> str:
         similarity = "ssim" if name == "psnr" else name.replace("_psnr", "_ssim")
         ssim = f"{views[similarity].mean():.3f}" if similarity in views else "-"
         rows.append(
-            (_called(name), *(f"{figure:.2f}" for figure in (by_group.max(), by_group.min(), by_group.mean())), ssim)
+            (
+                _called(name, head),
+                *(f"{figure:.2f}" for figure in (by_group.max(), by_group.min(), by_group.mean())),
+                ssim,
+            )
         )
     said = f"PSNR [dB] over {views.groupby(['fold', 'group']).ngroups} test groups; SSIM over all test views."
     if rules:
@@ -81,13 +88,13 @@ def _groups(views: pd.DataFrame, rules: dict[str, str] | None) -> str:
     return tag("h3", "Test groups") + tag("p", escape(said), class_="dim") + table(heads, rows, range(1, len(heads)))
 
 
-def _photos(run: ReportedRun, views: pd.DataFrame) -> str:
+def _photos(run: ReportedRun, views: pd.DataFrame, head: str) -> str:
     """Return a row per held-out photograph with the PSNR of every answer, the best in bold."""
     answers, rows = _answers(views), []
     for row in views.sort_values("psnr", ascending=False).to_dict("records"):
         best = max(row[name] for name in answers)
         scores = [tag("span", f"{row[n]:.2f}", class_="best") if row[n] == best else f"{row[n]:.2f}" for n in answers]
         rows.append((escape(run.called(int(row["photo_id"]))), str(row["fold"]), f"{row['ssim']:.3f}", *scores))
-    heads = ("photograph", "fold", "SSIM", *map(_called, answers))
+    heads = ("photograph", "fold", "SSIM", *(_called(name, head) for name in answers))
     intro = tag("p", "PSNR [dB] of each held-out photograph; the best answer in bold.", class_="dim")
     return tag("h3", "Held-out photographs") + intro + table(heads, rows, numeric=range(1, len(heads)))

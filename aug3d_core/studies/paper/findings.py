@@ -72,9 +72,9 @@ def effort(scene: FinishedScene) -> dict[str, int | float | str]:
     training, dataset = scene.settings.training, scene.settings.dataset
     return {
         "steps": training.steps,
-        "rays a step": training.groups_per_step * training.rays_per_group,
-        "hidden units": training.hidden,
-        "encoder": training.encoder,
+        "head": training.head.title,
+        "groups a step": training.groups_per_step,
+        **training.head.facts,
         "picture": f"{dataset.width_px} x {dataset.height_px} px",
     }
 

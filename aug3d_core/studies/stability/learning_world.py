@@ -17,9 +17,9 @@ _LEARNING: Mapping[str, Mapping[str, object]] = {
     "sampling": {**_SIZE, "domes": 6},
     "dataset": _SIZE,
     "training": {
-        "hidden": 32,
-        "encoder_channels": 12,
-        "rays_per_group": 128,
+        "head.hidden": 32,
+        "head.encoder_channels": 12,
+        "head.rays_per_group": 128,
         "steps": 200,
         "warmup_steps": 30,
         "least_gain_db": 0,

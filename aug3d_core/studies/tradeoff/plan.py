@@ -29,10 +29,10 @@ _SEEDED = ("training.seed",)
 _AXES: Mapping[str, tuple[str, ...]] = {
     "photos.max_px": ("x5/16", "x1"),
     "depth.max_px": ("x1/2", "x1"),
-    "training.hidden": ("x1/2", "x1"),
-    "training.coarse_samples": ("x1/2", "x1"),
+    "training.head.hidden": ("x1/2", "x1"),
+    "training.head.coarse_samples": ("x1/2", "x1"),
 }
-_QUICK_AXES = ("training.hidden", "training.coarse_samples")
+_QUICK_AXES = ("training.head.hidden", "training.head.coarse_samples")
 _RUNGS, _QUICK_RUNGS = ("x1/9", "x1/3", "x1"), ("x1/3", "x1")
 _TRAINED_SHARE = 1 / 4  # of the steps, setting by setting, as in the other studies
 _QUICK_SHARE = 1 / 20

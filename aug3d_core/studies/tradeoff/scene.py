@@ -11,6 +11,7 @@ from typing import Any
 from aug3d_core.factory.config import AUTO, SceneConfig, scene_config
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.files import JOB
+from aug3d_core.run.nested import flat
 from aug3d_core.run.stage import StageConfig
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
@@ -101,7 +102,11 @@ def _finished(store: Store, name: str, preset: str | None) -> StudiedScene:
         base == version["preset"]
     )  # with another preset, or with sizes that `auto` decided, only the town is kept
     own = {
-        stage: {field: value for field, value in record.config.items() if usual[stage].get(field, value) != value}
+        stage: {
+            field: value
+            for field, value in flat(record.config).items()
+            if flat(usual[stage]).get(field, value) != value
+        }
         for stage, record in records.items()
         if stage in usual and (as_it_was or stage == "town")
     }
@@ -123,11 +128,11 @@ def _photos(store: Store, version: Mapping[str, Any]) -> Path | None:
 
 
 def _differing(own: StageConfig, usual: StageConfig) -> dict[str, Any]:
-    theirs = usual.model_dump(mode="json")
-    return {name: value for name, value in own.model_dump(mode="json").items() if theirs[name] != value}
+    theirs = flat(usual.model_dump(mode="json"))
+    return {name: value for name, value in flat(own.model_dump(mode="json")).items() if theirs.get(name) != value}
 
 
 def _written(settings: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield settings as `--set` takes them."""
-    for stage, fields in settings.items():
-        yield from (f"{stage}.{field}={value}" for field, value in fields.items())
+    """Yield settings as `--set` takes them, the choice of a head first: it brings settings of its own."""
+    values = flat(settings)
+    yield from (f"{path}={values[path]}" for path in sorted(values, key=lambda path: not path.endswith(".head.name")))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from aug3d_core.factory.config import SceneConfig
-from aug3d_core.heads.pixelnerf.config import TRAINING_PRESETS
+from aug3d_core.run.nested import flat, value_at
+from aug3d_core.training.config import presets
 
 STEPS = "training.steps"
 _PACKED, _OF_FOUR = ("dataset", "sampling"), 4  # px: sizes of packed views are multiples of it
@@ -97,8 +98,8 @@ SETTINGS = (
     _views("size of virtual views (px)", _SIZE, ("x2/3", "x1", "x4/3"), _VIRTUAL),
     _views("domes of virtual views", ("sampling.domes",), ("x1/4", "x1/2", "x1", "x2"), (*_VIRTUAL, *_NETWORK)),
     _views("views in a group (K)", ("grouping.k",), ("4", "12", "auto"), ("grouping", *_VIRTUAL, *_NETWORK)),
-    _views("width of the network", ("training.hidden",), ("x1/2", "x1", "x2"), _NETWORK),
-    _views("samples on a ray", ("training.coarse_samples",), ("x1/2", "x1", "x2"), _NETWORK),
+    _views("width of the network", ("training.head.hidden",), ("x1/2", "x1", "x2"), _NETWORK),
+    _views("samples on a ray", ("training.head.coarse_samples",), ("x1/2", "x1", "x2"), _NETWORK),
     _views("input views", ("training.input_views", "evaluation.input_views"), ("1", "3", "6"), _NETWORK),
     _views("training steps", (STEPS,), ("x1/8", "x1/4", "x1/2", "x1"), _NETWORK),
     _views(
@@ -111,9 +112,8 @@ SETTINGS = (
 )
 # Each field without a panel of its own in which the scene's network differs from the paper's, set to the paper's value
 AS_THE_PAPER = _views("one thing as in the paper's network", (), (), _NETWORK)
-_PAPER = TRAINING_PRESETS["paper"]
 # The duration of training and the file of initial weights are not part of the network
-_NO_DIFFERENCE = {"steps", "least_gain_db", "checkpoint_every", "encoder_weights", "seed"}
+_NO_DIFFERENCE = {"steps", "least_gain_db", "checkpoint_every", "head.encoder_weights", "seed"}
 # One setting of every kind, each with its first value: minutes
 QUICK = ("features per photograph", "texel (GSD)", "render samples", "width of the network")
 
@@ -133,18 +133,19 @@ def resolved(field: str, value: str, config: SceneConfig) -> str:
 
 
 def papers_values(config: SceneConfig) -> dict[str, str]:
-    """Return the paper's value of each training field in which the scene's network differs from the paper's."""
+    """Return the value of each training field in which the scene's network differs from its head's preset `paper`."""
+    own, paper = flat(config.training.model_dump()), flat(presets(config.training.head.name)["paper"].model_dump())
     return {
         f"training.{name}": spelled(theirs)
-        for name, theirs in _PAPER
-        if name not in _NO_DIFFERENCE and theirs != getattr(config.training, name)
+        for name, theirs in paper.items()
+        if name not in _NO_DIFFERENCE and theirs != own[name]
     }
 
 
 def value_of(field: str, config: SceneConfig) -> int | float | str:
     """Return the value of `stage.field` in a configuration."""
     stage, _, name = field.partition(".")
-    return getattr(getattr(config, stage), name)
+    return value_at(getattr(config, stage).model_dump(), name)
 
 
 def spelled(value: float | str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from aug3d_core.factory.auto.rules import RULES
+from aug3d_core.factory.auto.rules import RULES, RULES_OF_HEADS, rule_of
 from aug3d_core.factory.auto.settle import settle
 from aug3d_core.factory.config import AUTO, LEFT_OPEN, PRESETS, left_open, overridden, scene_config, validated_config
 from aug3d_core.factory.material import Material
@@ -15,6 +15,7 @@ from aug3d_core.factory.stages import FROM_PHOTOS, STAGES
 from aug3d_core.geometry.views import Tracks
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.nested import flat, value_at
 from aug3d_core.run.stage import StageConfig
 from aug3d_core.sfm.files import TRACKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
@@ -74,9 +75,8 @@ def settled(store: Store, stage: str, *overrides: str, train: int = 31, alike: i
 
 
 def test_each_setting_that_is_left_open_has_a_rule_and_is_one() -> None:
-    assert set(RULES) == set(LEFT_OPEN)
-    values = scene_config(AUTO).model_dump()
-    assert all(field in values[stage] for stage, _, field in (name.partition(".") for name in LEFT_OPEN))
+    assert {*RULES, *(field for rules in RULES_OF_HEADS.values() for field in rules)} == set(LEFT_OPEN)
+    assert set(LEFT_OPEN) <= set(flat(scene_config(AUTO).model_dump()))
 
 
 @pytest.mark.parametrize("preset", [name for name in PRESETS if name != AUTO])
@@ -110,12 +110,17 @@ def test_only_what_a_rule_decides_can_be_left_open() -> None:
         scene_config(AUTO, ["auto.steps=3"])
 
 
+def test_a_head_without_rules_of_its_own_is_trained_as_its_preset_has_it() -> None:
+    assert rule_of("training.steps", "pixelnerf") and not rule_of("training.steps", "another")
+    assert rule_of("training.rendered_share", "another") is RULES["training.rendered_share"]
+
+
 def test_a_stage_never_sees_that_something_was_open(store: Store) -> None:
     for stage in FROM_PHOTOS:
         found = settle(stage, scene_config(AUTO), made(), store)
         assert isinstance(found.config, StageConfig) and type(found.config) is stage.config
         for decision in found.decisions:
-            assert getattr(found.config, decision.field.partition(".")[2]) == decision.value
+            assert value_at(found.config.model_dump(), decision.field.partition(".")[2]) == decision.value
             assert decision.measured and decision.rule
 
 
@@ -183,17 +188,17 @@ def test_what_smaller_depth_maps_cost_is_told_where_they_are_smaller(store: Stor
 
 
 def test_samples_of_which_the_user_set_a_part_are_the_users(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("aug3d_core.factory.auto.network._parallax", lambda known: 60.0)
+    monkeypatch.setattr("aug3d_core.factory.auto.pixelnerf._parallax", lambda known: 60.0)
     seen_by_each(store.root, 31)
-    samples = {name: f"training.{name}_samples" for name in ("coarse", "fine", "depth")}
+    samples = {name: f"training.head.{name}_samples" for name in ("coarse", "fine", "depth")}
 
     def decided(*overrides: str) -> dict[str, object]:
         found = settle(STAGES["training"], scene_config(AUTO, overrides), made(), store).decisions
         return {one.field: one.value for one in found if one.field in samples.values()}
 
     assert decided() == {samples["coarse"]: 12, samples["fine"]: 6, samples["depth"]: 3}
-    assert decided("training.coarse_samples=32") == {}
-    assert decided("training.fine_samples=9") == {samples["coarse"]: 12, samples["depth"]: 3}
+    assert decided("training.head.coarse_samples=32") == {}
+    assert decided("training.head.fine_samples=9") == {samples["coarse"]: 12, samples["depth"]: 3}
 
 
 def test_as_many_virtual_views_as_photographs_unless_the_mesh_is_bad(store: Store) -> None:
@@ -221,7 +226,7 @@ def test_nothing_is_rendered_for_photographs_that_overlap_in_tens(store: Store) 
 def test_steps_grow_with_what_there_is_to_learn_from(store: Store) -> None:
     assert settled(store, "training").steps == 628
     assert settled(store, "training", train=62).steps == 1256
-    assert settled(store, "training", "training.rays_per_group=512").steps == 314
+    assert settled(store, "training", "training.head.rays_per_group=512").steps == 314
     assert settled(store, "training", train=6).steps == 300, "the rate has to rise and fall"
 
 
@@ -233,11 +238,11 @@ def test_more_of_the_same_is_not_trained_on_longer(store: Store) -> None:
 
 
 def test_the_network_is_as_wide_as_there_are_pixels_to_learn_it_from(store: Store) -> None:
-    widths = [settled(store, "training", train=photos).hidden for photos in (3, 31, 200, 2000)]
+    widths = [settled(store, "training", train=photos).head.hidden for photos in (3, 31, 200, 2000)]
     assert widths == sorted(widths) and (widths[0], widths[-1]) == (32, 256)
-    assert settled(store, "training", train=31).encoder_channels == 12
-    assert settled(store, "training", train=2000).encoder_channels == 96
-    assert settled(store, "training", "training.hidden=128").encoder_channels == 24, (
+    assert settled(store, "training", train=31).head.encoder_channels == 12
+    assert settled(store, "training", train=2000).head.encoder_channels == 96
+    assert settled(store, "training", "training.head.hidden=128").head.encoder_channels == 24, (
         "the preset's, beside a width set by hand"
     )
 
@@ -258,7 +263,7 @@ def test_samples_grow_with_the_layer_that_they_search(tmp_path: Path) -> None:
     def samples(thickness: float) -> list[int]:
         records = made(dataset__slab_thickness=thickness)
         config = settle(STAGES["training"], scene_config(AUTO), records, store).config
-        return [getattr(config, f"{kind}_samples") for kind in ("coarse", "fine", "depth")]
+        return [getattr(config.head, f"{kind}_samples") for kind in ("coarse", "fine", "depth")]
 
     # Cameras 60 m high and 20 to 50 m apart see a point move by f B (1 / (60 - t) - 1 / 60) px, f = 96 px
     flat, low, high = samples(1.0), samples(20.0), samples(45.0)

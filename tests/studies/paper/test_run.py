@@ -154,7 +154,7 @@ def test_every_fold_of_a_small_scene_is_tested(stages: Stages, tmp_path: Path) -
 
 
 def test_effort_is_the_same_in_every_run_and_less_than_the_presets(stages: Stages, tmp_path: Path) -> None:
-    found, results = run(stages, tmp_path, grouping_table(True), "training.hidden=32")
+    found, results = run(stages, tmp_path, grouping_table(True), "training.head.hidden=32")
     configs = [dict(result.records["training"].config) for result in results]
     for config in configs:
         for name in ("seed", "input_views"):

@@ -38,7 +38,7 @@ def test_settings_exist_and_values_are_allowed(setting: Setting, preset: str) ->
     assert {*setting.stages, setting.truth.stage, setting.stand_in.stage} <= set(STAGES)
 
 
-@given(st.sampled_from(["training.steps", "sampling.domes", "training.hidden"]), st.integers(1, 9), st.integers(1, 9))
+@given(st.sampled_from(["training.steps", "sampling.domes", "training.head.hidden"]), st.integers(1, 9), st.integers(1, 9))
 def test_a_share_of_a_count_is_a_count(field: str, over: int, under: int) -> None:
     config = scene_config("tiny")
     value = int(resolved(field, f"x{over}/{under}", config))

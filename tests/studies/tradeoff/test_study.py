@@ -100,7 +100,7 @@ def test_what_fails_in_one_fold_has_failed(stages: Stages, tmp_path: Path) -> No
         "engine: no" if stage == "training" and made["grouping"]["fold"] and made["training"]["hidden"] == 32 else ""
     )
     found = studied(stages, tmp_path)
-    narrow = [result for result in found.results if "training.hidden=32" in result.arm.settings]
+    narrow = [result for result in found.results if "training.head.hidden=32" in result.arm.settings]
     assert narrow and all(result.trial.failure and result.accuracy is None for result in narrow)
 
 

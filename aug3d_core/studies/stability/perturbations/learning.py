@@ -50,8 +50,8 @@ PERTURBATIONS = (
         _learns(_rate),
         {
             "blends input pixels": (),
-            "makes colours up": ("training.blend_inputs=false",),
-            "density by relu": ("training.density=relu",),
+            "makes colours up": ("training.head.blend_inputs=false",),
+            "density by relu": ("training.head.density=relu",),
         },
     ),
     Perturbation(
@@ -62,7 +62,7 @@ PERTURBATIONS = (
         (1, 0.1, 0.01, 0.001),
         ABOVE_ONE_COLOUR,
         _learns(_rate),
-        {"blends input pixels": (), "makes colours up": ("training.blend_inputs=false",)},
+        {"blends input pixels": (), "makes colours up": ("training.head.blend_inputs=false",)},
     ),
     Perturbation(
         "near and far too close",
@@ -72,7 +72,7 @@ PERTURBATIONS = (
         (1, 0.8, 0.5, 0.2),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:bounds_times")),
-        {"cut to the slab": (), "between near and far": ("training.slab_bounds=false",)},
+        {"cut to the slab": (), "between near and far": ("training.head.slab_bounds=false",)},
     ),
     Perturbation(
         "near and far too far",
@@ -82,7 +82,7 @@ PERTURBATIONS = (
         (1, 1.25, 2, 5),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:bounds_times")),
-        {"cut to the slab": (), "between near and far": ("training.slab_bounds=false",)},
+        {"cut to the slab": (), "between near and far": ("training.head.slab_bounds=false",)},
     ),
     Perturbation(
         "unit of the world",
@@ -101,7 +101,7 @@ PERTURBATIONS = (
         (0, 0.25, 0.5, 1),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:unrelated")),
-        {"sees pixels": (), "as in the paper": ("training.see_pixels=false", "training.blend_inputs=false")},
+        {"sees pixels": (), "as in the paper": ("training.head.see_pixels=false", "training.head.blend_inputs=false")},
     ),
     Perturbation(
         "training in the dark",
@@ -111,7 +111,7 @@ PERTURBATIONS = (
         (1, 2, 4, 8),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:darker_training")),
-        {"all groups at one exposure": (), "colours as they are": ("training.even_exposure=false",)},
+        {"all groups at one exposure": (), "colours as they are": ("training.head.even_exposure=false",)},
     ),
     Perturbation(
         "few input views",

@@ -1,4 +1,4 @@
-"""How long the network trains, and how finely it looks along rays."""
+"""The rules of PixelNeRF: how long it trains, how wide it is, how finely it looks along rays."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from aug3d_core.factory.auto.parallax import parallax_px
 from aug3d_core.factory.config import left_open
 from aug3d_core.geometry.views import Points, Views
 from aug3d_core.groups.files import GROUPS
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.run.stage import Decision
 from aug3d_core.sfm.files import POINTS, VIEWS
 
@@ -34,7 +35,7 @@ def steps(known: Known) -> Decision | None:
     if looked_at is None:
         return None
     (pixels, told), training = looked_at, known.config.training
-    rays = training.groups_per_step * training.rays_per_group
+    rays = training.groups_per_step * _head(known).rays_per_group
     value = max(math.ceil(_LOOKS * pixels / rays), _LEAST_STEPS)
     return Decision(
         field="training.steps",
@@ -91,13 +92,13 @@ def hidden(known: Known) -> Decision | None:
     looked_at = _pixels(known)
     if looked_at is None:
         return None
-    (pixels, told), training = looked_at, known.config.training
-    blocks = training.blocks_per_view + training.blocks_pooled
+    (pixels, told), head = looked_at, _head(known)
+    blocks = head.blocks_per_view + head.blocks_pooled
     fitting = [width for width in _WIDTHS if _weights(width, blocks) * _PIXELS_PER_WEIGHT <= pixels]
     value = max(fitting, default=_WIDTHS[0])
-    preset = training.hidden
+    preset = head.hidden
     return Decision(
-        field="training.hidden",
+        field="training.head.hidden",
         value=value,
         measured=f"{told}; {blocks} blocks {value} wide have {_weights(value, blocks):,} weights",
         rule=f"the widest of {', '.join(map(str, _WIDTHS))} with {_PIXELS_PER_WEIGHT} pixels for each weight, or {_WIDTHS[0]}",
@@ -108,21 +109,27 @@ def hidden(known: Known) -> Decision | None:
 
 def encoder_channels(known: Known) -> Decision | None:
     """Keep the encoder in proportion with the field."""
-    field, training = hidden(known), known.config.training
-    if field is None or "hidden" not in left_open(known.config, "training"):
+    field, head = hidden(known), _head(known)
+    if field is None or "head.hidden" not in left_open(known.config, "training"):
         return None
-    preset = training.encoder_channels
-    value = max(round(preset * int(field.value or 0) / training.hidden), _LEAST_CHANNELS)
+    preset = head.encoder_channels
+    value = max(round(preset * int(field.value or 0) / head.hidden), _LEAST_CHANNELS)
     return Decision(
-        field="training.encoder_channels",
+        field="training.head.encoder_channels",
         value=value,
         measured=f"the field is {field.value} wide",
-        rule=f"in proportion with it, as {preset} are to the preset's {training.hidden}",
+        rule=f"in proportion with it, as {preset} are to the preset's {head.hidden}",
         saves="on the town 12 in place of 24, beside a field 32 wide, trained in 0.81 of the time"
         if value < preset
         else "",
         costs="nothing on the town: 22.88 dB with 12, 22.85 with 24, one seed" if value < preset else "",
     )
+
+
+def _head(known: Known) -> PixelNerfConfig:
+    head = known.config.training.head
+    assert isinstance(head, PixelNerfConfig)
+    return head
 
 
 def _weights(width: int, blocks: int) -> int:
@@ -157,13 +164,13 @@ def depth_samples(known: Known) -> Decision | None:
 def _part_of_coarse(known: Known, field: str, part: int) -> Decision | None:
     """Return a decision about samples; None where the coarse ones, of which they are a part, are not decided here."""
     parallax = _parallax(known)
-    if parallax is None or "coarse_samples" not in left_open(known.config, "training"):
+    if parallax is None or "head.coarse_samples" not in left_open(known.config, "training"):
         return None
     value = min(max(round(parallax / _PX_PER_SAMPLE), _LEAST_SAMPLES), _MOST_SAMPLES) // part
-    preset = getattr(known.config.training, field)
+    preset = getattr(_head(known), field)
     share = {1: "", 2: "half of ", 4: "a quarter of "}[part]
     return Decision(
-        field=f"training.{field}",
+        field=f"training.head.{field}",
         value=value,
         measured=f"between views of a group the layer from ground to roofs moves by {parallax:.1f} px",
         rule=f"{share}one sample for {_PX_PER_SAMPLE:g} px, of {_LEAST_SAMPLES} to {_MOST_SAMPLES}",
@@ -185,3 +192,15 @@ def _parallax(known: Known) -> float | None:
         members = arrays["members"]
     views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
     return parallax_px(views, members, points.xyz, thickness, known.config.dataset.width_px)
+
+
+RULES = {
+    "training.head.encoder_channels": encoder_channels,
+    "training.head.hidden": hidden,
+    "training.head.coarse_samples": coarse_samples,
+    "training.head.fine_samples": fine_samples,
+    "training.head.depth_samples": depth_samples,
+    "training.steps": steps,
+    "training.warmup_steps": warmup_steps,
+    "training.least_gain_db": least_gain,
+}

@@ -1,0 +1,72 @@
+"""Views without pixels, added to a scene so that they are predicted as held-out photographs are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.projection import ground_points
+from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, VIEW_ARRAYS, Scene
+from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.run.errors import InputError
+
+
+def with_views(
+    scene: Scene,
+    world_from_cam: Float[np.ndarray, "f 4 4"],
+    intrinsics: Float[np.ndarray, " 4"],
+    inputs: Int[np.ndarray, " v"],
+) -> tuple[Scene, Int[np.ndarray, " f"]]:
+    """Append views without pixels, and return their rows; near and far hold what the inputs show of the ground ahead."""
+    ground = np.concatenate([points[reached] for points, reached in (ground_points(scene, int(v)) for v in inputs)])
+    size_px, count = (scene.width_px, scene.height_px), len(world_from_cam)
+    bounds = []
+    for pose in world_from_cam:
+        depths = depths_in(invert(pose[:3]), ground)
+        if not len(depths):
+            raise shown_by_none(scene, inputs)
+        bounds.append(near_far(scene.slab, pose, intrinsics, size_px, depths))
+    known = {
+        "world_from_cam": world_from_cam,
+        "intrinsics": np.tile(intrinsics, (count, 1)),
+        "near_far": np.stack(bounds),
+        "source": np.full(count, REAL),
+        "photo_id": np.full(count, -1),
+        "dome_id": np.full(count, -1),
+        "splits": np.full(count, SPLITS.index("target")),
+    }
+    longer = {}
+    for name in VIEW_ARRAYS:
+        array = getattr(scene, name)
+        rows = known[name] if name in known else np.zeros((count, *array.shape[1:]))
+        longer[name] = np.concatenate([array, rows.astype(array.dtype)])
+    return replace(scene, **longer), len(scene) + np.arange(count)
+
+
+def only(scene: Scene, views: Int[np.ndarray, " v"]) -> Scene:
+    """Return the scene with some of its views alone, and no groups."""
+    kept = {name: getattr(scene, name)[views] for name in VIEW_ARRAYS}
+    bare = {name: getattr(scene, name)[:0] for name in BASELINE_ARRAYS}
+    return replace(scene, **kept, **bare, groups={name: members[:0] for name, members in scene.groups.items()})
+
+
+def facing(
+    eye: Float[np.ndarray, " 3"], spot: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "4 4"]:
+    """Return the `world_from_cam` of a camera that looks at a spot with `up` (not along its view) towards its top."""
+    z = (spot - eye) / np.linalg.norm(spot - eye)
+    x = np.cross(z, up)
+    x = x / np.linalg.norm(x)
+    return homogeneous(np.stack([x, np.cross(z, x), z, eye], axis=1))
+
+
+def shown_by_none(scene: Scene, inputs: np.ndarray) -> InputError:
+    """Return the error of a view that shows nothing of what its inputs show."""
+    ids = ", ".join(str(photo_id) for photo_id in scene.photo_id[inputs])
+    return InputError(
+        f"the view shows no ground that its inputs show (photos {ids})",
+        "move or turn the view towards them, or choose inputs that look at the same place",
+    )
