@@ -52,7 +52,7 @@ class Stages(StandIn):
         if stage.name == "mesh_truth":
             return {"fscore_half_pct": 0.9, "mesh_render_psnr": 25 - made["surface"]["texel_gsd"]}
         if stage.name == "evaluation":
-            psnr = 20 + made["training"]["hidden"] / 64 + made["training"]["steps"] / 1200
+            psnr = 20 + made["training"]["head"]["hidden"] / 64 + made["training"]["steps"] / 1200
             psnr += 0.01 * made["training"]["seed"] - made["grouping"]["fold"]
             psnr += 0.0 if made["training"]["seed"] else self.luck_db * log2(1200 / made["training"]["steps"])
             write_test(files, dict.fromkeys(self.test_of(made), psnr), others=20.0)

@@ -24,7 +24,9 @@ from aug3d_core.studies.tradeoff.setting import (
     value_of,
 )
 
-EFFORT = {"steps", "least_gain_db", "checkpoint_every", "encoder_weights"}  # no part of a network
+EFFORT = {  # no part of a network
+    "steps": True, "least_gain_db": True, "checkpoint_every": True, "head": {"encoder_weights"}
+}  # fmt: skip
 SIZED = ("tiny", "small", "paper")
 
 
@@ -38,7 +40,9 @@ def test_settings_exist_and_values_are_allowed(setting: Setting, preset: str) ->
     assert {*setting.stages, setting.truth.stage, setting.stand_in.stage} <= set(STAGES)
 
 
-@given(st.sampled_from(["training.steps", "sampling.domes", "training.head.hidden"]), st.integers(1, 9), st.integers(1, 9))
+@given(
+    st.sampled_from(["training.steps", "sampling.domes", "training.head.hidden"]), st.integers(1, 9), st.integers(1, 9)
+)
 def test_a_share_of_a_count_is_a_count(field: str, over: int, under: int) -> None:
     config = scene_config("tiny")
     value = int(resolved(field, f"x{over}/{under}", config))

@@ -97,7 +97,9 @@ def test_a_scene_in_folds_is_judged_and_paid_for_over_all_of_them(stages: Stages
 def test_what_fails_in_one_fold_has_failed(stages: Stages, tmp_path: Path) -> None:
     stages.folds = 2
     stages.fails = lambda stage, made: (
-        "engine: no" if stage == "training" and made["grouping"]["fold"] and made["training"]["hidden"] == 32 else ""
+        "engine: no"
+        if stage == "training" and made["grouping"]["fold"] and made["training"]["head"]["hidden"] == 32
+        else ""
     )
     found = studied(stages, tmp_path)
     narrow = [result for result in found.results if "training.head.hidden=32" in result.arm.settings]
@@ -146,7 +148,7 @@ def test_chosen_panels_are_made_alone_and_told(stages: Stages, tmp_path: Path) -
 
 
 def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_path: Path) -> None:
-    stages.test_of = lambda made: (5, 6, 7) if made["training"]["coarse_samples"] == 4 else (1, 2, 3, 4)
+    stages.test_of = lambda made: (5, 6, 7) if made["training"]["head"]["coarse_samples"] == 4 else (1, 2, 3, 4)
     found = studied(stages, tmp_path)
     odd = [point for point in found.factory if not point.comparable]
     assert odd and all("coarse_samples 4" in point.arm.label for point in odd)
@@ -172,7 +174,7 @@ def test_settings_that_are_refused_are_a_result_and_crashes_are_counted(stages: 
     def fail(stage: str, made: Made) -> str:
         if stage == "matching" and made["matching"]["max_features"] == 512:
             return "refused: too few features"
-        return "crash: signal 11" if stage == "training" and made["training"]["hidden"] == 32 else ""
+        return "crash: signal 11" if stage == "training" and made["training"]["head"]["hidden"] == 32 else ""
 
     stages.fails = fail
     found = studied(stages, tmp_path)
