@@ -11,7 +11,7 @@ import pytest
 
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.stages import STAGES
-from aug3d_core.heads.pixelnerf.config import EvaluationConfig
+from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.summary import summary
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.stage import Stage
