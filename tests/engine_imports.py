@@ -22,7 +22,10 @@ def mixed(loaded: Iterable[str]) -> set[str]:
 
 
 def engines_of(file: Path) -> frozenset[str]:
-    """Return the engines that importing a file loads, and those that its functions import if it is a test's."""
+    """Return the engines that importing a test file loads, and those that its own functions import.
+
+    Functions of other files are left alone: some are run in other processes.
+    """
     seen: set[Path] = set()
     names: set[str] = set()
     waiting = {file}
@@ -38,9 +41,8 @@ def engines_of(file: Path) -> frozenset[str]:
 @cache
 def _imports(source: Path) -> frozenset[str]:
     """Return the modules that are imported, and what is taken out of them, which may be a module too."""
-    ours = ROOT / "tests" in source.parents
     found: set[str] = set()
-    for node in _statements(ast.parse(source.read_bytes()), into_functions=ours):
+    for node in _statements(ast.parse(source.read_bytes()), into_functions=source.name.startswith("test_")):
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
         elif node.module:
