@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-SETTINGS = {
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+SETTINGS: dict[str, dict[str, Any]] = {
     "town": {"length_m": 75, "width_m": 80, "altitude_m": 45, "width_px": 320, "samples": 4, "photos_per_shard": 6},
     "matching": {"max_features": 2048},
     "grouping": {"k": 4, "groups": 8, "folds": 1},
     "depth": {"max_px": 256},
     "sampling": {"domes": 2},
     "rendering": {"views_per_shard": 4, "samples": 4},
-    "training": {"steps": 30, "checkpoint_every": 10, "head.hidden": 32, "head.rays_per_group": 128},
+    "training": {"steps": 30, "checkpoint_every": 10, "head": {"hidden": 32, "rays_per_group": 128}},
     "evaluation": {"flythrough_frames": 4},
 }
-OVERRIDES = [
-    word
-    for stage, fields in SETTINGS.items()
-    for name, value in fields.items()
-    for word in ("--set", f"{stage}.{name}={value}")
-]
+
+
+def _flat(settings: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from ((f"{name}.{inner}", one) for inner, one in _flat(value))
+        else:
+            yield name, value
+
+
+OVERRIDES = [word for name, value in _flat(SETTINGS) for word in ("--set", f"{name}={value}")]
