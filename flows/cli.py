@@ -195,18 +195,20 @@ def _run_flow(
     preset: str,
     config: SceneConfig,
     console: Console,
-    server_is_ready: Callable[[], None],
+    server_is_ready: Callable[[], bool],
 ) -> dict[str, Any]:
     # Prefect reads its settings when it is imported, so it is imported after they are set.
     from prefect import tags
+    from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
     from flows.display import Display
     from flows.factory import factory
     from tasks.progress import listening
 
-    server_is_ready()
+    # Signs of life are for a server that outlives the run. To end them takes up to a second.
+    alone = {PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None} if server_is_ready() else {}
     photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
-    with Display(console, stages) as display, listening(display), tags(OURS):
+    with Display(console, stages) as display, listening(display), tags(OURS), temporary_settings(alone):
         return factory(scene, photos, preset, config, str(store.root), poses)
 
 

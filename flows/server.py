@@ -28,14 +28,14 @@ _ADDRESSES = ("PREFECT_API_DATABASE_CONNECTION_URL", "PREFECT_SERVER_DATABASE_CO
 
 
 @contextmanager
-def prefect_server(home: Path) -> Iterator[Callable[[], None]]:
+def prefect_server(home: Path) -> Iterator[Callable[[], bool]]:
     """Start a server on loopback and point Prefect to it, unless the user named one.
 
     Yields the function that waits until it can be used, and raises StoreError if that never is: there is time to work
-    before it is called.
+    before it is called. It returns whether the server is this run's own.
     """
     if os.environ.get(_API):
-        yield lambda: None
+        yield lambda: False
         return
     port = _free_port()
     log = home / layout.PREFECT / "server.log"
@@ -54,10 +54,11 @@ def prefect_server(home: Path) -> Iterator[Callable[[], None]]:
             env={**os.environ, **settings},
         )
 
-    def wait() -> None:
+    def wait() -> bool:
         _wait_until_healthy(server, port, log)
         if database is not None:
             keep(layout.PREFECT, database)
+        return True
 
     try:
         os.environ[_API] = f"http://127.0.0.1:{port}/api"

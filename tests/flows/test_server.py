@@ -49,7 +49,7 @@ def test_it_serves_a_new_home_a_second_one_and_one_that_is_known(home: Path, tmp
     for again in (home, tmp_path / "second", home):
         os.environ["PREFECT_HOME"] = str(again / "prefect")
         with prefect_server(again) as ready:
-            ready()
+            assert ready(), "it is the run's own"
             assert asked() == 0 and listening_at() == {"127.0.0.1"}
         assert "PREFECT_API_URL" not in os.environ
         with closing(sqlite3.connect(again / "prefect" / "prefect.db")) as opened:
@@ -85,5 +85,5 @@ def test_one_that_does_not_start_is_told_with_its_words(home: Path, monkeypatch:
 def test_a_server_that_the_user_named_is_left_alone(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
     with prefect_server(home) as ready:
-        ready()
+        assert not ready()
     assert os.environ["PREFECT_API_URL"] == "http://127.0.0.1:1/api" and not home.exists()
