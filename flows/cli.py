@@ -206,9 +206,9 @@ def _run_flow(
     from tasks.progress import listening
 
     # Signs of life are for a server that outlives the run. To end them takes up to a second.
-    alone = {PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None} if server_is_ready() else {}
+    silent = temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None} if server_is_ready() else None)
     photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
-    with Display(console, stages) as display, listening(display), tags(OURS), temporary_settings(alone):
+    with Display(console, stages) as display, listening(display), tags(OURS), silent:
         return factory(scene, photos, preset, config, str(store.root), poses)
 
 

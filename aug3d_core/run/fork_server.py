@@ -54,7 +54,8 @@ def start(package: str, job: Path, log: Path, environment: Mapping[str, str]) ->
     """
     with _one_start:
         context = get_context("forkserver" if _read_once() == _read_by_server() else "spawn")
-        process = context.Process(target=_become, args=(package, str(job), str(log), dict(environment)))
+        given = (package, str(job), str(log), dict(environment))
+        process = context.Process(target=_become, args=given)  # pyright: ignore[reportAttributeAccessIssue]
         describe = spawn.get_preparation_data
         # A child would import the factory's main module, and with it Prefect.
         spawn.get_preparation_data = lambda name: {k: v for k, v in describe(name).items() if "main" not in k}
@@ -79,7 +80,8 @@ def _become(package: str, job: str, log: str, environment: dict[str, str]) -> No
     gc.freeze()  # a collection would write to, and so copy, all that was preloaded
     die_with_parent()
     os.setsid()  # Ctrl-C reaches the factory alone, which then ends its stages
-    if (held := forkserver._forkserver._forkserver_alive_fd) is not None:
+    held = forkserver._forkserver._forkserver_alive_fd  # pyright: ignore[reportAttributeAccessIssue]
+    if held is not None:
         os.close(held)  # the server lives as long as anybody holds this pipe: only the factory shall
     os.environ.clear()
     os.environ.update(environment)

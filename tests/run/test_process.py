@@ -188,8 +188,12 @@ def test_a_listener_that_sleeps_does_not_hold_up_the_watch(tmp_path: Path, monke
     monkeypatch.setenv(LIMIT_HOURS, str(2 / 3600))
     stage, woken = fake_stage(tmp_path), threading.Event()
     started = time.monotonic()
+
+    def sleep(*_: object) -> None:
+        woken.wait(60)
+
     with pytest.raises(StageFailed) as caught:
-        make(Store(tmp_path / "home"), stage, FakeConfig(do="hang"), lambda *_: woken.wait(60) and None)
+        make(Store(tmp_path / "home"), stage, FakeConfig(do="hang"), sleep)
     woken.set()
     assert caught.value.cause == "timeout" and time.monotonic() - started < 30
 
