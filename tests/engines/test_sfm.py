@@ -16,10 +16,8 @@ from PIL import Image
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
-from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.stage import run as take_in
 from tests.engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
-from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, take_photos
+from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, run_stage, take_photos
 
 pytestmark = pytest.mark.slow
 
@@ -122,9 +120,8 @@ def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str,
 def test_photographs_held_together_by_few_points_are_doubted(
     flown: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    (tmp_path / "photos").mkdir()
-    take_in({"folder": flown[0] / "in"}, PhotosConfig(max_px=100), tmp_path / "photos", lambda done, total, what: None)
-    outcome = run_sfm(tmp_path / "photos", tmp_path / "sfm", max_features=256)
+    run_stage("photos", tmp_path / "photos", {"folder": flown[0] / "in"}, max_px=100)
+    outcome = run_sfm(tmp_path / "photos" / "files", tmp_path / "sfm", max_features=256)
     assert outcome["state"] == "degraded"
     assert any("12 photographs that see" in note and "loosely (wanted: 8 and 100)" in note for note in outcome["notes"])
 

@@ -13,6 +13,7 @@ import pytest
 
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
+from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm import export
 from aug3d_core.sfm.mapping import choose_mapper, parts_of
 from tests.engines.little_scene import FOCAL_PX, poses, write_flight
@@ -25,9 +26,10 @@ FLIGHT = poses(4, 4)
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with 16 photographs, `photos`, and an earlier sfm output of the first 14, `earlier`."""
+    """Return a folder with 16 photographs, `photos`, their `matching`, and an earlier sfm output of the first 14, `earlier`."""
     folder = tmp_path_factory.mktemp("flown")
-    take_photos(write_flight(folder / "in", FLIGHT, noise_m=0.2), folder / "photos")
+    photos = take_photos(write_flight(folder / "in", FLIGHT, noise_m=0.2), folder / "photos")
+    run_stage("matching", folder / "matching", {"photos": photos})
     for late in (14, 15):
         (folder / "in" / f"photo_{late}.jpg").unlink()
     before = run_sfm(take_photos(folder / "in", folder / "photos_before"), folder / "before")
@@ -35,6 +37,12 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "earlier").mkdir()
     (folder / "earlier" / "00").symlink_to(folder / "before" / "files")
     return folder
+
+
+def place(flown: Path, folder: Path, earlier: Path | None = None, **config: Any) -> dict[str, Any]:
+    """Run the sfm stage over the 16 photographs; return its outcome."""
+    inputs = {"photos": flown / "photos", "matching": flown / "matching" / "files"}
+    return run_stage("sfm", folder, inputs | ({EARLIER: earlier} if earlier else {}), **config)
 
 
 def worst_m(sfm: Path) -> float:
@@ -46,7 +54,7 @@ def worst_m(sfm: Path) -> float:
 
 
 def test_new_photographs_are_added_to_the_earlier_model(flown: Path, tmp_path: Path) -> None:
-    outcome = run_sfm(flown / "photos", tmp_path / "sfm", earlier=flown / "earlier")
+    outcome = place(flown, tmp_path / "sfm", flown / "earlier")
     metrics = outcome["metrics"]
     assert (metrics["grown_from"], metrics["registered"]) == (14, 16)
     assert metrics["focal_source"] == "exif"
@@ -66,7 +74,7 @@ def test_an_earlier_model_of_other_photographs_is_not_used(flown: Path, tmp_path
     record = json.loads((tmp_path / "earlier" / "00" / "components.json").read_text())
     record["photo_sha256"][0] = "0" * 64
     (tmp_path / "earlier" / "00" / "components.json").write_text(json.dumps(record))
-    outcome = run_sfm(flown / "photos", tmp_path / "sfm", earlier=tmp_path / "earlier")
+    outcome = place(flown, tmp_path / "sfm", tmp_path / "earlier")
     assert outcome["metrics"]["grown_from"] == 0
 
 
@@ -92,12 +100,11 @@ def test_a_model_is_no_more_than_its_points_hold_together(flown: Path, left: int
 
 @pytest.mark.parametrize("mapper", ["global", "hierarchical"])
 def test_other_mappers_find_the_same_flight_and_repeat_to_the_byte(flown: Path, tmp_path: Path, mapper: str) -> None:
-    outcome = run_sfm(flown / "photos", tmp_path / "first", sfm={"mapper": mapper})
+    outcome = place(flown, tmp_path / "first", mapper=mapper)
     assert (outcome["metrics"]["mapper"], outcome["metrics"]["registered"]) == (mapper, 16)
     assert any(f"mapped by the {mapper} mapper: asked for" in note for note in outcome["notes"])
     assert worst_m(tmp_path / "first") < 0.15
-    inputs = {"photos": flown / "photos", "matching": tmp_path / "first_matching" / "files"}
-    run_stage("sfm", tmp_path / "second", inputs, mapper=mapper)
+    place(flown, tmp_path / "second", mapper=mapper)
     views = [(tmp_path / run / "files" / "views.npz").read_bytes() for run in ("first", "second")]
     assert views[0] == views[1]
 
