@@ -83,10 +83,11 @@ def page(browser: Browser) -> Iterator[Page]:
 
 
 def test_a_schedule_fires_publishes_and_then_makes_nothing(pages: dict[str, str], home: Path) -> None:
-    wait(lambda: ended(pages, auto=True), 600, "a schedule fires and its run ends")
-    once = ended(pages, auto=True)[0]
+    wait(lambda: at_work(home, "town"), 180, "a schedule fires")
+    write_entry(home)  # no other run is due before this one ends
+    wait(lambda: ended(pages, auto=True), 600, "the run of the schedule ends")
+    [once] = ended(pages, auto=True)
     assert once["state"]["name"] == "Published", once["state"]["message"]
-    write_entry(home)
     asked = ask(pages, f"deployments/{deployment_of(pages, 'town')['id']}/create_flow_run", {})
     wait(lambda: by_hand(pages), 120, "a run that is asked for ends")
     [twice] = by_hand(pages)
