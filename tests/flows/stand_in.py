@@ -11,11 +11,11 @@ import pytest
 
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.stages import STAGES
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.summary import summary
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.stage import Stage
-from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 from tests.stand_in_stages import Made, StandIn, fold_of, write_split, write_test
 
 # A task run takes Prefect a tenth of a second, so rules that any list of stages shows are tried on a short one.

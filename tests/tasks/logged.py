@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.factory.plan import Step, stage_of
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.metrics.scene_metrics import scene_metrics
 from aug3d_core.run.errors import Aug3dError
@@ -16,7 +17,6 @@ from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
-from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 
 PICTURES = {"training": {"A panel": "panel.png"}, "evaluation": {"Test views": "panel.png"}}
 SERIES = {"training": {"train_psnr": ((1, 10.0), (2, 20.0)), "train_loss": ((1, 0.2), (2, 0.1))}}

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from mlflow.tracking import MlflowClient
 
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.store.store import Store
-from aug3d_core.training.files import MODEL_CONFIG, MODEL_WEIGHTS
 from tests.tasks.logged import version
 
 
