@@ -174,10 +174,12 @@ def _run(
     check_servers()
     apply_local_environment(store.root)
     console = Console(stderr=as_json)
-    with store.using(), prefect_server(store.root) as ready:
-        plan = checked_plan(store, scene, material, config, records_before(store, scene))
+    with store.using():
+        plan = checked_plan(
+            store, scene, material, config, records_before(store, scene)
+        )  # refused before a server starts
         console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True)
-        with following(plan):
+        with following(plan), prefect_server(store.root) as ready:
             metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)
     if as_json:
         print(json.dumps(metrics, indent=1))
