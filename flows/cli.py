@@ -175,9 +175,8 @@ def _run(
     apply_local_environment(store.root)
     console = Console(stderr=as_json)
     with store.using():
-        plan = checked_plan(
-            store, scene, material, config, records_before(store, scene)
-        )  # refused before a server starts
+        # A run that does not fit is refused before a server starts.
+        plan = checked_plan(store, scene, material, config, records_before(store, scene))
         console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True)
         with following(plan), prefect_server(store.root) as ready:
             metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)
