@@ -7,7 +7,7 @@ A stage function has the shape `run(inputs, config, out, progress) -> Outcome`:
 * `out`     is the folder to write into; if the stage is resumable it may hold what a killed run left behind,
 * `progress(done, total, what)` tells how far the work is.
 
-The function knows nothing of keys, caches or processes; `store/` and `isolation.py` see to those.
+The function knows nothing of keys, caches or processes; `factory/build.py` and `process.py` see to those.
 """
 
 from __future__ import annotations
