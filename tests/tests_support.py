@@ -108,6 +108,14 @@ def run_pytest(folder: Path, plugin: str, *words: str) -> subprocess.CompletedPr
     )
 
 
+def words_of(process: psutil.Process) -> list[str]:
+    """Return the command line of a process; nothing of one that has ended, be it a moment ago."""
+    try:
+        return process.cmdline()
+    except psutil.Error:
+        return []
+
+
 def wait_until_dead(pid: int) -> None:
     """Wait for a process to end, or fail after half a minute."""
     for _ in range(600):

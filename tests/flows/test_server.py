@@ -18,6 +18,7 @@ import pytest
 from aug3d_core.run.errors import StoreError
 from flows.server import prefect_server
 from flows.settings import local_environment
+from tests.tests_support import words_of
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +41,7 @@ def asked() -> int:
 
 def servers() -> set[psutil.Process]:
     """Return the servers that this process has started: other tests may share one."""
-    return {child for child in psutil.Process().children() if "flows.server" in child.cmdline()}
+    return {child for child in psutil.Process().children() if "flows.server" in words_of(child)}
 
 
 def listening_at() -> set[str]:

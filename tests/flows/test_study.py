@@ -20,6 +20,8 @@ def invoke(*arguments: str | Path):
 
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
+    import flows.study_run  # noqa: F401  (the command does, and brings open3d: tests/processes.py must see it)
+
     stand_in = Stages()
     monkeypatch.setattr("tasks.build_task.build", stand_in.build)
     return stand_in

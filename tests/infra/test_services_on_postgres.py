@@ -25,7 +25,7 @@ from typer.testing import CliRunner
 from flows.cli import app
 from flows.services import PASSWORD
 from tests.infra.postgres import Postgres, free_port
-from tests.tests_support import hear_signals
+from tests.tests_support import hear_signals, words_of
 
 pytestmark = pytest.mark.slow
 SECRET = "correct horse battery"
@@ -64,7 +64,7 @@ class Running:
     def process(self, *words: str) -> psutil.Process:
         """Return the process of a service: the innermost whose command line has these words."""
         family = psutil.Process(self.up.pid).children(recursive=True)
-        return [member for member in family if set(words) <= set(member.cmdline())][-1]
+        return [member for member in family if set(words) <= set(words_of(member))][-1]
 
 
 def until(holds: Callable[[], bool]) -> None:
@@ -138,7 +138,7 @@ def test_a_wrong_password_is_turned_away_by_both(running: Running) -> None:
 
 def test_no_password_is_in_a_command_line(running: Running) -> None:
     for member in psutil.Process(running.up.pid).children(recursive=True):
-        assert SECRET not in " ".join(member.cmdline())
+        assert SECRET not in " ".join(words_of(member))
 
 
 def test_a_second_one_on_the_same_home_is_refused_and_names_the_first(running: Running) -> None:

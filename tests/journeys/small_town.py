@@ -9,7 +9,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "town": {"length_m": 75, "width_m": 80, "altitude_m": 45, "width_px": 320, "samples": 4, "photos_per_shard": 6},
     "matching": {"max_features": 2048},
     "grouping": {"k": 4, "groups": 8, "folds": 1},
-    "depth": {"max_px": 256},
+    "depth": {"max_px": 192},
     "sampling": {"domes": 2},
     "rendering": {"views_per_shard": 4, "samples": 4},
     "training": {"steps": 30, "checkpoint_every": 10, "head": {"hidden": 32, "rays_per_group": 128}},

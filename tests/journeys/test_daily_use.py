@@ -26,7 +26,7 @@ from playwright.sync_api import TimeoutError as NoAnswer
 
 from aug3d_core.store import layout
 from tests.journeys.small_town import SETTINGS
-from tests.tests_support import hear_signals
+from tests.tests_support import hear_signals, words_of
 
 CHROMIUM = shutil.which("chromium")
 SHOTS = Path("test-output") / "daily_use"
@@ -251,7 +251,7 @@ def at_work(home: Path, stage: str) -> list[int]:
 
 def kill_worker(up: int) -> None:
     for process in psutil.Process(up).children():
-        if "flows.worker" in process.cmdline():
+        if "flows.worker" in words_of(process):
             os.kill(process.pid, signal.SIGKILL)
             return
     raise AssertionError("there is a worker")
