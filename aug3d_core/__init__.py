@@ -3,4 +3,4 @@
 `factory/stages.py` lists the stages in order. CONTRIBUTING.md lists the packages and their layers.
 """
 
-__version__ = "0.6.0"
+__version__ = "0.7.0"
