@@ -8,8 +8,18 @@ import pytest
 
 from aug3d_core.factory.build import work_of
 from aug3d_core.factory.config import scene_config
-from aug3d_core.factory.material import Material, gather
-from aug3d_core.factory.stages import DATASET, DEPTH, FROM_TOWN, MESH_TRUTH, OVERLAP, SAMPLING, STAGES, SURFACE
+from aug3d_core.factory.material import Material, Source, gather
+from aug3d_core.factory.stages import (
+    DATASET,
+    DEPTH,
+    EVALUATION,
+    FROM_TOWN,
+    MESH_TRUTH,
+    OVERLAP,
+    SAMPLING,
+    STAGES,
+    SURFACE,
+)
 from aug3d_core.groups.files import GROUPS
 from aug3d_core.run.files import FILES
 from aug3d_core.run.stage import Stage
@@ -56,3 +66,15 @@ def test_other_groups_of_the_same_split_leave_depth_and_meshes_as_they_are(tmp_p
 def test_what_a_stage_reads_is_of_its_inputs(stage: Stage) -> None:
     assert set(stage.reads) <= set(stage.inputs)
     assert stage in FROM_TOWN
+
+
+def test_what_runs_a_trained_head_is_keyed_by_the_code_of_that_head() -> None:
+    head = ("aug3d_core.heads.pixelnerf.head:HEAD",)
+
+    def key(dataset: tuple[str, ...], training: tuple[str, ...]) -> str:
+        code = {"dataset": dataset, "training": training}
+        sources = {name: Source(path=Path(name), digest=name, modules=modules) for name, modules in code.items()}
+        return work_of(EVALUATION, scene_config("tiny").evaluation, sources).key
+
+    assert key((), head) != key((), ())
+    assert key(head, ()) == key((), ()), "it reads the data set, and runs nothing of it"
