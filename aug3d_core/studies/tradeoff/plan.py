@@ -14,6 +14,7 @@ from aug3d_core.studies.tradeoff.setting import (
     STEPS,
     TEST_PSNR,
     Setting,
+    has,
     papers_values,
     resolved,
     spelled,
@@ -45,14 +46,15 @@ def quick_effort(config: SceneConfig) -> tuple[str, ...]:
 
 def setting_arms(config: SceneConfig, town: bool, quick: bool) -> list[TradeoffArm]:
     """Return an arm for every value of every setting, for the scene's own values, and for each difference from the paper."""
-    chosen = [setting for setting in SETTINGS if not quick or setting.name in QUICK]
+    known = [setting for setting in SETTINGS if all(has(field, config) for field in setting.fields)]
+    chosen = [setting for setting in known if not quick or setting.name in QUICK]
     arms = [arm for setting in chosen for arm in _of_setting(setting, config, town, quick)]
     return arms if quick else [*arms, *_as_the_paper(config)]
 
 
 def axes(config: SceneConfig, quick: bool) -> dict[str, list[str]]:
     """Return the values of each setting of the grid, cheapest first."""
-    chosen = _QUICK_AXES if quick else tuple(_AXES)
+    chosen = [field for field in (_QUICK_AXES if quick else _AXES) if has(field, config)]
     return {field: list(dict.fromkeys(resolved(field, value, config) for value in _AXES[field])) for field in chosen}
 
 

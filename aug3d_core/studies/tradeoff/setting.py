@@ -142,6 +142,11 @@ def papers_values(config: SceneConfig) -> dict[str, str]:
     }
 
 
+def has(field: str, config: SceneConfig) -> bool:
+    """Say whether a configuration has `stage.field`: settings of a head are those of one model."""
+    return field in flat(config.model_dump())
+
+
 def value_of(field: str, config: SceneConfig) -> int | float | str:
     """Return the value of `stage.field` in a configuration."""
     stage, _, name = field.partition(".")

@@ -90,6 +90,17 @@ def test_all_steps_back_to_the_paper_together_are_its_network(preset: str) -> No
 
 
 @pytest.mark.parametrize("quick", [True, False])
+def test_settings_of_another_head_have_no_panel_and_no_axis(quick: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A head without a width and without rays is studied by what it has."""
+    lacks = {"training.head.hidden", "training.head.coarse_samples"}
+    monkeypatch.setattr("aug3d_core.studies.tradeoff.plan.has", lambda field, config: field not in lacks)
+    config = scene_config("tiny")
+    panels = {arm.panel for arm in setting_arms(config, True, quick)}
+    assert "features per photograph" in panels and not {"width of the network", "samples on a ray"} & panels
+    assert not lacks & set(axes(config, quick)) and grid_arms(config, quick)
+
+
+@pytest.mark.parametrize("quick", [True, False])
 def test_the_grid_is_whole_and_has_the_scene_in_it(quick: bool) -> None:
     config = scene_config("tiny")
     arms, values, steps = grid_arms(config, quick), axes(config, quick), rungs(config, quick)
