@@ -6,9 +6,7 @@ the stage functions are imported only in the process that runs them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from aug3d_core.dataset.declared import DATASET, DATASET_OF_PHOTOS
+from aug3d_core.dataset.declared import DATASET
 from aug3d_core.depth.declared import DEPTH
 from aug3d_core.domes.declared import SAMPLING
 from aug3d_core.groups.declared import GROUPING, SIMILARITY
@@ -18,8 +16,6 @@ from aug3d_core.overlap.declared import OVERLAP
 from aug3d_core.photos.declared import PHOTOS
 from aug3d_core.poses.declared import POSES
 from aug3d_core.rendering.declared import RENDERING
-from aug3d_core.run.files import EARLIER
-from aug3d_core.run.stage import Stage
 from aug3d_core.sfm.declared import MATCHING, SFM, SFM_OF_MODEL, SFM_OF_POSES
 from aug3d_core.surface.declared import SURFACE
 from aug3d_core.town.declared import MESH_TRUTH, OVERLAP_IN_TOWN, TOWN, TRUTH
@@ -37,11 +33,3 @@ FROM_TOWN = (
     TOWN, PHOTOS, MATCHING, SFM, TRUTH, *_GROUPED, OVERLAP_IN_TOWN, *_MESH, MESH_TRUTH, *_LEARNED,
 )  # fmt: skip
 STAGES = {stage.name: stage for stage in (*FROM_TOWN, POSES, PREDICTION)}
-_BY_INPUTS = {
-    (stage.name, frozenset(stage.inputs)): stage for stage in (*FROM_TOWN, *FROM_POSES, *FROM_MODEL, DATASET_OF_PHOTOS)
-}
-
-
-def stage_reading(name: str, inputs: Iterable[str]) -> Stage:
-    """Return the stage of a name that reads these inputs: sfm from matches is other work than sfm from given poses."""
-    return _BY_INPUTS.get((name, frozenset(inputs) - {EARLIER}), STAGES[name])

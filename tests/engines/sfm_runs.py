@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.factory.stages import stage_reading
+from aug3d_core.factory.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.run.files import ERROR, FILES, JOB, LOG, OUTCOME
+from aug3d_core.run.files import EARLIER, ERROR, FILES, JOB, LOG, OUTCOME
 from aug3d_core.run.fork_server import start
 from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.process import log_tail
@@ -31,7 +31,8 @@ def run_stage(
 ) -> dict[str, Any]:
     """Run the stage of a name that reads these inputs; return its outcome, or its error."""
     folder.mkdir(parents=True)
-    stage = stage_reading(name, inputs)
+    ways, read = (*FROM_PHOTOS, *FROM_POSES, *FROM_MODEL), set(inputs) - {EARLIER}
+    stage = next(one for one in ways if one.name == name and set(one.inputs) == read)
     job = Job(stage=name, entry=stage.entry, config=config, inputs=inputs)
     (folder / JOB).write_text(job.model_dump_json())
     process = start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: "1"})

@@ -12,13 +12,13 @@ from PIL import Image
 
 from aug3d_core.dataset.batches import Wanted, check_groups, draw
 from aug3d_core.dataset.config import DatasetConfig
+from aug3d_core.dataset.declared import DATASET_OF_PHOTOS
 from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import REAL as REAL_SOURCE
 from aug3d_core.dataset.scene import RENDERED, SPLITS
 from aug3d_core.dataset.stage import run
 from aug3d_core.domes.files import CAMERAS
-from aug3d_core.factory.stages import DATASET_OF_PHOTOS
 from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.groups.files import GROUPS

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from aug3d_core.dataset.declared import DATASET_OF_PHOTOS
 from aug3d_core.factory.material import Material
-from aug3d_core.factory.stages import DATASET, DATASET_OF_PHOTOS, EVALUATION, GROUPING, RENDERING, SAMPLING, TRAINING
+from aug3d_core.factory.stages import DATASET, EVALUATION, GROUPING, RENDERING, SAMPLING, TRAINING
 from aug3d_core.factory.walk import Make, Visit, walk
 from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.run.errors import StageFailed, UsageError

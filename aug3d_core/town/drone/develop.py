@@ -66,5 +66,5 @@ def lake_pixels(views: Views, view: int, terrain: Terrain) -> Bool[np.ndarray, "
     at = world_from_cam[:, 3]
     reach = (terrain.water_level() - at[2]) / np.where(down, rays[..., 2], -1.0)
     places = (at[:2] + reach[..., None] * rays[..., :2]).reshape(-1, 2)
-    beyond = terrain.lake.beyond_m(*unbend_xy(places).T).reshape(height, width)
+    beyond = np.asarray(terrain.lake.beyond_m(*unbend_xy(places).T)).reshape(height, width)
     return down & (beyond < 0)
