@@ -21,6 +21,7 @@ from tests.engine_imports import engines_of, mixed
 
 _KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
 _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
+_PROGRAMS = ("flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
 _LONGEST_FIRST = (
     "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/infra", "tests/engines", "tests/flows",
     "tests/tasks",
@@ -133,6 +134,25 @@ class Collecting:
         self._loads |= dict.fromkeys(engines, file)
 
 
+class OneCore:
+    """Keeps each process to a core, but for the tests of whole programs.
+
+    A small network on the threads of two cores that others use too takes three times as long as on one core: its threads wait
+    for each other.
+    """
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._all = os.sched_getaffinity(0)
+        cores = sorted(self._all)
+        self._own = {cores[int(config.workerinput["workerid"].removeprefix("gw")) % len(cores)]}  # type: ignore[attr-defined]
+        os.sched_setaffinity(0, self._own)  # libraries count the cores when they are imported
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self, item: pytest.Item) -> None:
+        """Give programs all cores, and all else one."""
+        os.sched_setaffinity(0, self._all if item.path.parent.name in _PROGRAMS else self._own)
+
+
 def _is_test(path: Path) -> bool:
     return path.suffix == ".py" and path.name.startswith("test_")
 
@@ -145,11 +165,13 @@ def pytest_configure(config: pytest.Config) -> None:
     """Choose files in each process that collects; the controller of several does not."""
     config.pluginmanager.register(Collecting(config), "collecting")
     config.pluginmanager.register(Kinds(), "kinds")
+    if hasattr(config, "workerinput"):
+        config.pluginmanager.register(OneCore(config), "one core")
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Use one process more than cores, since half of a test's time is waiting; so there are always both kinds."""
-    return 1 + len(os.sched_getaffinity(0))
+    """Use two processes more than cores: those that test whole programs wait half of their time."""
+    return 2 + len(os.sched_getaffinity(0))
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Apart:
