@@ -22,7 +22,7 @@ from aug3d_core.store.store import Store
 
 MADE = "made.json"
 EMPTY = {"recipe": "r", "inputs": {}, "versions": {}, "notes": (), "series": {}, "pictures": {}, "peak_mib": 1.0}
-SCORES = ("ssim", "coarse_psnr", *(f"{name}{kind}" for name in CHEAP for kind in ("_psnr", "_ssim")))
+SCORES = ("ssim", "flip", "coarse_psnr", *(f"{name}_{kind}" for name in CHEAP for kind in ("psnr", "ssim", "flip")))
 
 Made = dict[str, dict[str, Any]]  # what an object was made with: stage -> settings
 

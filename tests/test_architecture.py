@@ -19,6 +19,7 @@ DOORS = {
     "bpy": {"aug3d_core/rendering"},
     "torch": {
         "aug3d_core/heads",
+        "aug3d_core/dataset/warp.py",
         "aug3d_core/training",
         "aug3d_core/judging",
         "aug3d_core/novel",

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene
 from aug3d_core.dataset.slab import Slab
+from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert, look_at
 
 EXTENT_M, ALTITUDE_M, ROOF_M = 60.0, 45.0, 10.0
@@ -39,6 +40,18 @@ class ToyWorld:
             enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
             t = np.where((enter < leave) & (enter > 0) & (enter < t), enter, t)
         return self.colour(origins + t[:, None] * directions), t
+
+    def mesh(self) -> Mesh:
+        """Return the ground and the boxes as triangles, grey."""
+        corners = np.array([(x, y, z) for z in (0, 1) for y in (-1, 1) for x in (-1, 1)], float)
+        quads = [(4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6)]
+        sides = np.array([three for a, b, c, d in quads for three in ((a, b, c), (a, c, d))])
+        xyz, triangles = [corners[:4] * [10 * EXTENT_M, 10 * EXTENT_M, 0]], [np.array([(0, 1, 3), (0, 3, 2)])]
+        for x, y, half_x, half_y, height in self.boxes:
+            triangles.append(sides + sum(map(len, xyz)))
+            xyz.append(corners * [half_x, half_y, height] + [x, y, 0])
+        points = np.concatenate(xyz).astype(np.float32)
+        return Mesh(points, np.full(points.shape, 128, np.uint8), np.concatenate(triangles).astype(np.int32))
 
     def colour(self, points_in_world: Float[np.ndarray, "r 3"]) -> Float[np.ndarray, "r 3"]:
         """Interpolate the texture, a periodic grid with a vertex every 4 m."""
@@ -98,6 +111,7 @@ def _pack(
         images=np.rint(colours * 255).astype(np.uint8),
         alpha=np.full((n, height, width), 255, np.uint8),
         depth=np.where(source[:, None, None] == RENDERED, depths, 0).astype(np.float16),
+        scaffold=depths.astype(np.float16),
         world_from_cam=poses,
         intrinsics=intrinsics,
         near_far=np.array(bounds),

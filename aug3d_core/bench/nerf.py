@@ -22,7 +22,7 @@ SIZES = {
 }
 GOALS = {"h64": (3.0, 6.0), "h256": (1.4, 2.0)}  # training, rendering
 EQUAL = 1e-4  # of colours in [0, 1]: 1/40 of an 8-bit step; summing in another order changes less
-SIMPLE = ("mean_colour", "nearest_copy", "ground_homography")  # the cheap answers that need no mesh
+SIMPLE = ("mean_colour", "nearest_copy", "ground_homography", "plane_sweep")  # the cheap answers that need no mesh
 
 
 def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:

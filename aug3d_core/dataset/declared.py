@@ -13,9 +13,9 @@ DATASET = Stage(
     description="The packed data set.",
     config=DatasetConfig,
     presets=PRESETS,
-    inputs=("sfm", "grouping", "surface", "sampling", "rendering"),
+    inputs=("sfm", "grouping", "depth", "surface", "sampling", "rendering"),
     entry="aug3d_core.dataset.stage:run",
-    engines=("pillow", "scipy", "zarr"),
+    engines=("open3d", "pillow", "scipy", "zarr"),
     accuracy="views",
     metrics=declared(
         lower="domes_dropped leak_seen_share_mean leak_seen_share_max",
@@ -26,4 +26,6 @@ DATASET = Stage(
         ),
     ),
 )
-DATASET_OF_PHOTOS = replace(DATASET, inputs=("sfm", "grouping", "surface"))  # a study measures by it what renders add
+DATASET_OF_PHOTOS = replace(
+    DATASET, inputs=("sfm", "grouping", "depth", "surface")
+)  # a study measures by it what renders add

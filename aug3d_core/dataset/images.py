@@ -55,6 +55,12 @@ class Fit:
         mean_depth = self._area(depth * seen) / np.maximum(self._area(seen), 1e-6)
         return self._rounded(np.stack(colour, axis=-1)), self._rounded(cover), mean_depth
 
+    def nearest(self, values: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "H W"]:
+        """Shrink a map whose values must not be mixed."""
+        size = (self.width_px, self.height_px)
+        image = Image.fromarray(np.ascontiguousarray(values, dtype=np.float32))
+        return np.asarray(image.resize(size, Image.Resampling.NEAREST, box=self.crop))
+
     def _area(self, channel: np.ndarray) -> Float[np.ndarray, "H W"]:
         image = Image.fromarray(np.ascontiguousarray(channel, dtype=np.float32))
         size = (self.width_px, self.height_px)

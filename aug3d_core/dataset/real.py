@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float16, UInt8
 from PIL import Image
 
 from aug3d_core.dataset.bounds import depths_in, near_far
@@ -15,6 +15,8 @@ from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.dataset.slab import Slab
+from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
+from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
@@ -28,6 +30,7 @@ class RealViews:
     """The photographs of a scene at packed size; rows as in sfm's Views."""
 
     images: UInt8[np.ndarray, "n h w 3"]
+    depth: Float16[np.ndarray, "n h w"]  # by stereo, of training photographs; 0 where it is not sure
     world_from_cam: Float[np.ndarray, "n 4 4"]
     intrinsics: Float[np.ndarray, "n 4"]
     near_far: Float[np.ndarray, "n 2"]
@@ -35,7 +38,7 @@ class RealViews:
     kept_share: float  # of the pixels of the view cropped most
 
 
-def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> RealViews:
+def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: DatasetConfig) -> RealViews:
     """Shrink every registered photograph to packed size and measure its bounds."""
     views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
     tracks = Tracks.load(sfm / TRACKS)
@@ -48,12 +51,15 @@ def pack_real(sfm: Path, grouping: Path, slab: Slab, config: DatasetConfig) -> R
         near_far(slab, world_from_cam[i], intrinsics[i], size, _seen_depths(views, points, tracks, i))
         for i in range(len(views))
     ]
+    splits = read_splits(grouping / SPLIT_TABLE, views)
+    train = splits == SPLITS.index("train")
     return RealViews(
         images,
+        np.stack([_stereo(depth, int(i), config, known) for i, known in zip(views.photo_id, train, strict=True)]),
         world_from_cam,
         intrinsics,
         np.array(bounds),
-        read_splits(grouping / SPLIT_TABLE, views),
+        splits,
         min(f.kept_share for f in fits),
     )
 
@@ -69,6 +75,15 @@ def read_splits(path: Path, views: Views) -> UInt8[np.ndarray, " n"]:
 def _photo(sfm: Path, photo_id: int) -> UInt8[np.ndarray, "h w 3"]:
     with Image.open(sfm / VIEW_IMAGES / image_name(photo_id)) as image:
         return np.asarray(image.convert("RGB"))
+
+
+def _stereo(depth: Path, photo_id: int, config: DatasetConfig, known: bool) -> Float16[np.ndarray, "h w"]:
+    """Return the depth that other photographs confirm: the nearest pixel's, as a mean over an edge lies in the air."""
+    path = depth / DEPTH_MAPS / geometric_map_name(photo_id)
+    if not known or not path.is_file():
+        return np.zeros((config.height_px, config.width_px), np.float16)
+    values = read_map(path)
+    return fit(values.shape[1], values.shape[0], config.width_px, config.height_px).nearest(values).astype(np.float16)
 
 
 def _seen_depths(views: Views, points: Points, tracks: Tracks, view: int) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The packed scene in memory, and what must hold of it.
 
 Real views come first, in the order of sfm's Views, so that a real view's row is its index there; rendered views follow.
-Depth and `near_far` are distances along the camera's z, in world units; depth is 0 where unknown (all photographs).
+Depths and `near_far` are distances along the camera's z, in world units; a depth is 0 where unknown.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ class Scene:
 
     images: UInt8[np.ndarray, "n h w 3"]
     alpha: UInt8[np.ndarray, "n h w"]
-    depth: Float16[np.ndarray, "n h w"]
+    depth: Float16[np.ndarray, "n h w"]  # exact of renders, by stereo of training photographs
+    scaffold: Float16[np.ndarray, "n h w"]  # of a mesh that was made without the test's targets
     world_from_cam: Float[np.ndarray, "n 4 4"]
     intrinsics: Float[np.ndarray, "n 4"]  # fx, fy, cx, cy in px
     near_far: Float[np.ndarray, "n 2"]
@@ -59,6 +60,7 @@ VIEW_ARRAYS = (
     "images",
     "alpha",
     "depth",
+    "scaffold",
     "world_from_cam",
     "intrinsics",
     "near_far",

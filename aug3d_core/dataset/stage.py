@@ -1,4 +1,4 @@
-"""The stage `dataset`: sfm + grouping + surface + sampling + rendering -> one Zarr store.
+"""The stage `dataset`: sfm + grouping + depth + surface + sampling + rendering -> one Zarr store.
 
 Without sampling and rendering it packs photographs alone: what a study compares renders with.
 """
@@ -21,6 +21,7 @@ from aug3d_core.dataset.images import CONVENTION, fit
 from aug3d_core.dataset.leaks import Check, Sight, audit, report
 from aug3d_core.dataset.real import RealViews, pack_real
 from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendered
+from aug3d_core.dataset.scaffold import scaffold_depth
 from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.dataset.writer import write
@@ -35,13 +36,15 @@ from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome, Progress
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
-from aug3d_core.surface.files import BASELINE_RENDERS, MESH, MESH_SOURCES
+from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS, MESH, MESH_SOURCES
 
 CONVENTIONS = {
     "world": "z up; east, north, up in metres where the photographs have GPS",
     "camera": "x right, y down, z forward; pixel centres at half-integers",
     "intrinsics": "fx, fy, cx, cy in px",
-    "depth, near_far": "distance along the camera's z in world units; depth 0 where unknown",
+    "depth, scaffold, near_far": "distance along the camera's z in world units; 0 where unknown",
+    "depth": "exact of renders; of training photographs by stereo, where others confirm it",
+    "scaffold": "of a mesh made without the test's targets; of a training photograph, from training photographs alone",
     "source": {"real": REAL, "rendered": RENDERED},
     "splits": list(SPLITS),
     "groups/test/members": "a target first, then its inputs, best first",
@@ -54,6 +57,7 @@ SOURCES = (
     ("grouping", SPLIT_TABLE),
     ("grouping", GROUPS),
     ("surface", MESH),
+    ("surface", BASELINE_MESH),
     ("sampling", CAMERAS),
     ("rendering", RENDER_TABLE),
 )
@@ -66,7 +70,7 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
     with np.load(inputs["grouping"] / GROUPS, allow_pickle=False) as file:
         members, test_members = file["members"], file["test_members"]
     progress(0, 4, "photographs")
-    real = pack_real(inputs["sfm"], inputs["grouping"], slab, config)
+    real = pack_real(inputs["sfm"], inputs["grouping"], inputs["depth"], slab, config)
     progress(1, 4, "renders")
     rendered = (
         pack_rendered(inputs["sampling"], inputs["rendering"], members.shape[1], slab, config)
@@ -103,11 +107,15 @@ def _assemble(
 ) -> Scene:
     n, m, k = len(real.images), len(rendered.images), groups["real"].shape[1]
     opaque = np.full(real.images.shape[:3], 255, np.uint8)
+    train = real.splits == SPLITS.index("train")
+    size_px = (config.width_px, config.height_px)
+    scaffold = scaffold_depth(inputs["surface"], train, real.world_from_cam, real.intrinsics, size_px)
     groups = groups | {"rendered": n + np.arange(m).reshape(-1, k)}
     return Scene(
         images=np.concatenate([real.images, rendered.images]),
         alpha=np.concatenate([opaque, rendered.alpha]),
-        depth=np.concatenate([np.zeros(opaque.shape, np.float16), rendered.depth]),
+        depth=np.concatenate([real.depth, rendered.depth]),
+        scaffold=np.concatenate([scaffold, rendered.depth]),
         world_from_cam=np.concatenate([real.world_from_cam, rendered.world_from_cam]),
         intrinsics=np.concatenate([real.intrinsics, rendered.intrinsics]),
         near_far=np.concatenate([real.near_far, rendered.near_far]),

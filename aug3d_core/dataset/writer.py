@@ -16,8 +16,15 @@ from zarr.codecs import ZstdCodec
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, VIEW_ARRAYS, Scene
 
 FORMAT = "aug3d scene"
-VERSION = 1
-PER_VIEW_PX = ("images", "alpha", "depth", "baseline_images", "baseline_alpha")  # arrays with a chunk for each view
+VERSION = 2
+PER_VIEW_PX = (
+    "images",
+    "alpha",
+    "depth",
+    "scaffold",
+    "baseline_images",
+    "baseline_alpha",
+)  # arrays with a chunk for each view
 
 
 def arrays_of(scene: Scene) -> dict[str, np.ndarray]:

@@ -12,7 +12,6 @@ consistency   what depth maps of other photographs confirm (plain numpy)
 job           what a worker process does
 worker        the process that sweeps, or compares, one share of the photographs
 launch        run the workers
-maps          depth and normal maps in COLMAP's format
 workspace     COLMAP's dense workspace: its sparse model and lists (pycolmap)
 patch_match   COLMAP's own stereo, on a CUDA GPU (pycolmap)
 fusion        depth maps -> fused points (pycolmap)

@@ -9,7 +9,7 @@ from jaxtyping import Float32, UInt8
 from PIL import Image
 
 from aug3d_core.depth.files import DEPTH_MAPS, DEPTH_SHEET, NORMAL_MAPS, geometric_map_name
-from aug3d_core.depth.maps import read_map
+from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import image_name
 

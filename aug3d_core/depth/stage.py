@@ -20,12 +20,12 @@ from aug3d_core.depth.files import BASELINE_FUSED, DENSE_WORKSPACE, DEPTH_MAPS, 
 from aug3d_core.depth.fusion import fuse
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.launch import run_jobs
-from aug3d_core.depth.maps import read_map
 from aug3d_core.depth.patch_match import choose_engine, patch_match
 from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
 from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, write_patch_match_list, write_workspace
+from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.run.errors import InputError

@@ -18,10 +18,10 @@ from aug3d_core.depth.coherence import filled, without_islands
 from aug3d_core.depth.consistency import DepthMap, confirm
 from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
 from aug3d_core.depth.job import DepthJob, PhotoTask
-from aug3d_core.depth.maps import read_map, write_map
 from aug3d_core.depth.normals import normals_of
 from aug3d_core.depth.search import Range, families_for, ranges_for, reduced
 from aug3d_core.depth.sweep import Photo, sweep
+from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.helper_process import begin

@@ -5,6 +5,7 @@ head      the protocol: loss, symptoms, prediction; and the predicted View
 saved     a trained head on disk
 exposure  one brightness and contrast for the inputs of a group
 pixelnerf the paper's model
+sweep     a model that sees geometry
 
 A head NAME has `NAME/config.py` with CONFIG and PRESETS, and `NAME/head.py` with HEAD. Others reach it by its name alone.
 """

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from pydantic import Field
 from torch import Tensor, nn
 
@@ -22,13 +22,18 @@ from aug3d_core.run.stage import Decision, Frozen
 
 @dataclass(frozen=True)
 class View:
-    """A predicted view. depth: along the camera's z, world units; None if the head predicts none.
+    """A predicted view. What a head does not predict is None.
 
-    parts: further pictures that the head made on the way, by name; they are scored and shown beside it.
+    depth: along the camera's z, world units. confidence: in the depth, 0 to 1. seen: some input shows it. started_from: what
+    the depth was looked for about. parts: further pictures that the head made on the way, by name; they are scored and shown
+    beside it.
     """
 
     colour: UInt8[np.ndarray, "h w 3"]
     depth: Float[np.ndarray, "h w"] | None = None
+    confidence: Float[np.ndarray, "h w"] | None = None
+    seen: Bool[np.ndarray, "h w"] | None = None
+    started_from: str | None = None
     parts: Mapping[str, UInt8[np.ndarray, "h w 3"]] = field(default_factory=dict)
 
 

@@ -4,6 +4,6 @@ config         how the model is judged
 stage          the stage: score, draw, report
 scores         scores of every test view;  conventions: how answers are scored, with a digest
 summary        scores -> means, groups, intervals, of one fold or several (numpy)
-cheap_answers  what the model must beat (numpy)
+cheap_answers  what the model must beat (numpy);  warped_answers: those that move pixels by depth (torch)
 panels         pictures to look at;  flythrough: a short flight around a test view
 """

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int, UInt8
 from aug3d_core.dataset.projection import ground_points, project
 from aug3d_core.dataset.rays import pixel_centres
 from aug3d_core.dataset.scene import Scene
+from aug3d_core.judging.warped_answers import guided_blend, plane_sweep
 
 
 def cheap_answers(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
@@ -22,7 +23,9 @@ def cheap_answers(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> d
         "mean_colour": _round(np.broadcast_to(mean, scene.images[target].shape)),
         "nearest_copy": scene.images[ranked[0]],
         "ground_homography": ground_homography(scene, target, inputs),
+        "plane_sweep": plane_sweep(scene, target, inputs),
         "mesh_render": _mesh(scene, target, mean),
+        "guided_blend": guided_blend(scene, target, inputs),
     }
 
 

@@ -24,6 +24,7 @@ SSIM: dict[str, Any] = {
     "K2": 0.03,
     "data_range": PEAK,
 }
+FLIP = {"ppd": 67.0}  # pixels per degree of the eye: a screen 0.7 m away
 _DIGITS = 12
 
 
@@ -35,6 +36,7 @@ def conventions(scene: Scene) -> dict[str, Any]:
         "answers": "rounded to 8 bit and held within 0 to 255 before they are scored",
         "psnr": f"over all pixels and channels of a view; peak {PEAK}; {BEST_DB:g} dB for an exact answer",
         "ssim": SSIM | {"over": "mean over pixels and channels"},
+        "flip": FLIP | {"over": "mean over pixels", "range": "low dynamic range"},
         "mean": "over test views, each counting alike; best, low and average over test groups",
     }
 

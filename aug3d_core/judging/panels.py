@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.head import View
 
-SCALE, LABEL_PX, GAP_PX = 2, 14, 4  # small views are shown twice as large
+LABEL_PX, GAP_PX = 14, 4
+SMALL_PX = 160  # views that are narrower are shown twice as large
 ERROR_FULL = 64  # mean absolute error over channels that is drawn at full strength, 8-bit steps
 
 # Dark blue over teal to yellow: five stops of a map that grows evenly in lightness.
@@ -44,7 +45,7 @@ def panel(
 def summary_panel(
     scene: Scene, shown: list[tuple[int, Int[np.ndarray, " v"], View, dict[str, np.ndarray], dict[str, float]]]
 ) -> UInt8[np.ndarray, "H W 3"]:
-    """Draw a row for each test view: nearest input, truth, prediction, depth, error, homography, mesh render."""
+    """Draw a row for each test view: nearest input, truth, prediction, depth, error, homography, mesh render, guided blend."""
     rows = []
     for target, _, view, answers, scores in shown:
         truth = scene.images[target]
@@ -57,6 +58,7 @@ def summary_panel(
                 ("error", error_colours(truth, view.colour)),
                 (f"homography {scores['ground_homography_psnr']:.1f}", answers["ground_homography"]),
                 (f"mesh {scores['mesh_render_psnr']:.1f}", answers["mesh_render"]),
+                (f"guided blend {scores['guided_blend_psnr']:.1f}", answers["guided_blend"]),
             ]
         )
     return grid(rows)
@@ -75,7 +77,7 @@ def _depth(view: View) -> list[tuple[str, UInt8[np.ndarray, "h w 3"]]]:
     return [] if view.depth is None else [("depth", depth_colours(view.depth))]
 
 
-def save(image: UInt8[np.ndarray, "H W 3"], path: Path) -> None:
+def save(image: UInt8[np.ndarray, "H W c"], path: Path) -> None:
     """Write a picture."""
     Image.fromarray(image).save(path)
 
@@ -102,7 +104,9 @@ def _colours(values: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
 
 def grid(rows: list[list[tuple[str, np.ndarray]]]) -> UInt8[np.ndarray, "H W 3"]:
     """Draw rows of pictures of one size under their labels."""
-    height, width = (SCALE * n for n in rows[0][0][1].shape[:2])
+    height, width = rows[0][0][1].shape[:2]
+    if width < SMALL_PX:
+        height, width = 2 * height, 2 * width
     step_x, step_y = width + GAP_PX, height + LABEL_PX + GAP_PX
     sheet = Image.new("RGB", (max(map(len, rows)) * step_x, len(rows) * step_y), "white")
     draw = ImageDraw.Draw(sheet)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+import flip_evaluator
 import numpy as np
 import pandas as pd
 from jaxtyping import UInt8
@@ -13,7 +14,7 @@ from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.head import Head, View
 from aug3d_core.judging.cheap_answers import cheap_answers
 from aug3d_core.judging.config import EvaluationConfig
-from aug3d_core.judging.conventions import BEST_DB, PEAK, SSIM
+from aug3d_core.judging.conventions import BEST_DB, FLIP, PEAK, SSIM
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import InputError
 
@@ -58,10 +59,10 @@ def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
 
 def _scores(scene: Scene, target: int, view: View, answers: dict[str, np.ndarray]) -> dict[str, float]:
     truth = scene.images[target]
-    scores = {"psnr": psnr(truth, view.colour), "ssim": ssim(truth, view.colour)}
+    scores = {name: score(truth, view.colour) for name, score in SCORES.items()}
     scores |= {f"{name}_psnr": psnr(truth, picture) for name, picture in view.parts.items()}
     for name in CHEAP:
-        scores |= {f"{name}_psnr": psnr(truth, answers[name]), f"{name}_ssim": ssim(truth, answers[name])}
+        scores |= {f"{name}_{score_name}": score(truth, answers[name]) for score_name, score in SCORES.items()}
     return scores
 
 
@@ -75,3 +76,13 @@ def psnr(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) 
 def ssim(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) -> float:
     """Return the mean structural similarity over pixels and channels."""
     return float(np.asarray(structural_similarity(truth, answer, channel_axis=-1, **SSIM)))
+
+
+def flip(truth: UInt8[np.ndarray, "h w 3"], answer: UInt8[np.ndarray, "h w 3"]) -> float:
+    """Return the mean FLIP error, 0 (none) to 1: what people see when two pictures alternate (Andersson et al. 2020)."""
+    reference, test = ((picture / PEAK).astype(np.float32) for picture in (truth, answer))
+    _, mean, _ = flip_evaluator.evaluate(reference, test, "LDR", applyMagma=False, parameters=dict(FLIP))
+    return float(mean)
+
+
+SCORES: Mapping[str, Callable[[np.ndarray, np.ndarray], float]] = {"psnr": psnr, "ssim": ssim, "flip": flip}

@@ -46,7 +46,8 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     stated = conventions(scene)
     (out / CONVENTIONS).write_text(json.dumps(stated, indent=1))
     figures = summary(table, config)
-    beaten = [name for name in CHEAP if figures["test_psnr_mean"] <= figures[f"cheap_{name}"]]
+    started_from = ", ".join(sorted({view.started_from for view, _ in kept.values() if view.started_from}))
+    unbeaten = [name for name in CHEAP if figures[f"over_{name}_ci_low"] <= 0]
     pictures = _draw(scene, config, table, kept, out) if config.panels else {}
     if config.flythrough_frames:
         progress(count, count, "fly-through")
@@ -54,21 +55,23 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     return Outcome(
         metrics={
             "head": head.config.name,
+            **({"started_from": started_from} if started_from else {}),
             **figures,
             "conventions": digest(stated),
             "test_photos": held_out_digest(scene),
         },
         # Worse than one colour: whatever the training did well, what is rendered is wrong
-        state="degraded" if "mean_colour" in beaten else "ok",
-        notes=tuple(_not_beaten(name, figures) for name in beaten),
+        state="degraded" if figures["test_psnr_mean"] <= figures["cheap_mean_colour"] else "ok",
+        notes=tuple(_not_beaten(name, figures) for name in unbeaten),
         pictures=pictures,
     )
 
 
 def _not_beaten(name: str, figures: Mapping[str, float]) -> str:
+    low, high = (figures[f"over_{name}_ci_{end}"] for end in ("low", "high"))
     return (
         f"the model ({figures['test_psnr_mean']:.2f} dB) does not beat {name.replace('_', ' ')}"
-        f" ({figures[f'cheap_{name}']:.2f} dB)"
+        f" ({figures[f'cheap_{name}']:.2f} dB): the 95 % interval of the difference is {low:+.2f} to {high:+.2f} dB"
     )
 
 

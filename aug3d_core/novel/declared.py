@@ -16,7 +16,7 @@ PREDICTION = Stage(
     runs=("training",),
     accuracy="ground_seen_share",
     metrics=declared(
-        higher="psnr ssim ground_seen_share",
+        higher="psnr ssim ground_seen_share seen_share",
         neither="head inputs depth_near depth_far",
     ),
 )

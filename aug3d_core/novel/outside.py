@@ -69,6 +69,7 @@ def outside_scene(file: Path, trained_on: Scene) -> Scene:
         images=np.stack(images),
         alpha=np.full((count, *images[0].shape[:2]), 255, np.uint8),
         depth=np.zeros((count, *images[0].shape[:2]), np.float16),
+        scaffold=np.zeros((count, *images[0].shape[:2]), np.float16),
         world_from_cam=poses,
         intrinsics=np.stack(intrinsics),
         near_far=np.stack(bounds),

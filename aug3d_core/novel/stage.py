@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import UInt8
 
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
@@ -38,7 +39,7 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
     predicted = head.predict(view.scene, view.target, view.inputs)
     progress(1, 1, "view")
     truth = None if config.like is None else scene.images[row_of(scene, config.like)]
-    panels.save(predicted.colour, out / PREDICTION)
+    panels.save(_with_alpha(predicted), out / PREDICTION)
     if predicted.depth is not None:
         panels.save(panels.depth_colours(predicted.depth), out / PREDICTION_DEPTH)
     panels.save(panels.novel_panel(view.scene, view.inputs, predicted, truth), out / PREDICTION_PANEL)
@@ -52,8 +53,17 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
     )
 
 
+def _with_alpha(view: View) -> UInt8[np.ndarray, "h w c"]:
+    """Mark what no input sees as transparent; the colours are kept."""
+    if view.seen is None:
+        return view.colour
+    return np.dstack([view.colour, np.where(view.seen, 255, 0).astype(np.uint8)])
+
+
 def _metrics(view: NovelView, predicted: View, truth: np.ndarray | None) -> dict[str, Metric]:
     figures = {"ground_seen_share": view.ground_seen_share}
+    if predicted.seen is not None:
+        figures |= {"seen_share": float(predicted.seen.mean())}
     if predicted.depth is not None:
         near, far = np.quantile(predicted.depth, [0.01, 0.99])
         figures |= {"depth_near": float(near), "depth_far": float(far)}

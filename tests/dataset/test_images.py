@@ -49,3 +49,10 @@ def test_holes_do_not_colour_what_is_covered():
     assert colour.tolist() == [[[200, 200, 200]]]
     assert cover.tolist() == [[128]]
     assert shrunk_depth == pytest.approx(5.0)
+
+
+def test_values_that_must_not_be_mixed_are_not():
+    values = np.random.default_rng(0).choice([0.0, 40.0, 50.0], (31, 43))
+    crop = fit(43, 31, 12, 8)
+    small = crop.nearest(values)
+    assert small.shape == (8, 12) and set(np.unique(small)) <= {0.0, 40.0, 50.0}

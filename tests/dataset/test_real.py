@@ -37,7 +37,7 @@ def test_photographs_of_other_sizes_and_shapes_are_packed_to_one(tmp_path):
     point, view = np.tile(np.arange(50), 3), np.repeat(np.arange(3), 50)
     Tracks(point, view, np.zeros((150, 2))).save(tmp_path / TRACKS)
     pd.DataFrame({"view": range(3), "role": "train"}).to_parquet(tmp_path / SPLIT_TABLE)
-    packed = pack_real(tmp_path, tmp_path, Slab(0, 0, 0, -1, 4), DatasetConfig(width_px=20, height_px=16))
+    packed = pack_real(tmp_path, tmp_path, tmp_path, Slab(0, 0, 0, -1, 4), DatasetConfig(width_px=20, height_px=16))
     assert packed.images.shape == (3, 16, 20, 3)
     assert np.array_equal(packed.images[0], packed.images[1])
     assert np.allclose(packed.intrinsics[0], packed.intrinsics[1])

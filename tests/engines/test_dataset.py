@@ -18,7 +18,10 @@ from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import REAL as REAL_SOURCE
 from aug3d_core.dataset.scene import RENDERED, SPLITS
 from aug3d_core.dataset.stage import run
+from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
 from aug3d_core.domes.files import CAMERAS
+from aug3d_core.geometry.depth_maps import write_map
+from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.groups.files import GROUPS
@@ -29,8 +32,8 @@ from aug3d_core.rendering.stage import run as render_views
 from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
-from aug3d_core.surface.files import BASELINE_RENDERS, MESH, MESH_SOURCES
-from tests.toy_scene import EXTENT_M, ROOF_M, toy_scene
+from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS, MESH, MESH_SOURCES
+from tests.toy_scene import EXTENT_M, ROOF_M, toy_scene, toy_world
 
 WIDTH, HEIGHT, REAL = 24, 16, 36
 CONFIG = DatasetConfig(width_px=WIDTH, height_px=HEIGHT)
@@ -47,11 +50,12 @@ def scene():
 
 @pytest.fixture
 def inputs(scene, tmp_path):
-    folders = {name: tmp_path / name for name in ("sfm", "grouping", "surface", "sampling", "rendering")}
+    folders = {name: tmp_path / name for name in ("sfm", "grouping", "depth", "surface", "sampling", "rendering")}
     for folder in folders.values():
         folder.mkdir()
     write_sfm(scene, folders["sfm"])
     write_grouping(scene, folders["grouping"])
+    write_depth(scene, folders["depth"])
     write_surface(scene, folders["surface"])
     write_renders(scene, folders["sampling"], folders["rendering"])
     (tmp_path / "out").mkdir()
@@ -82,8 +86,18 @@ def write_grouping(scene, folder: Path) -> None:
     np.savez(folder / GROUPS, members=scene.groups["real"], test_members=scene.groups["test"])
 
 
+def write_depth(scene, folder: Path) -> None:
+    """Write depth as of photographs of twice the size, sure in their left half."""
+    (folder / DEPTH_MAPS).mkdir(parents=True)
+    for view in range(REAL):
+        depth = scene.scaffold[view].astype(np.float32).repeat(2, axis=0).repeat(2, axis=1)
+        depth[:, WIDTH:] = 0
+        write_map(folder / DEPTH_MAPS / geometric_map_name(view), depth)
+
+
 def write_surface(scene, folder: Path) -> None:
-    (folder / MESH).write_text("no stage after rendering looks into it")
+    for name in (MESH, BASELINE_MESH):
+        toy_world(np.random.default_rng(0)).mesh().save(folder / name)
     role = np.array([SPLITS[code] for code in scene.splits[:REAL]])
     train, given = np.flatnonzero(role == "train").tolist(), np.flatnonzero(role != "target").tolist()
     (folder / MESH_SOURCES).write_text(json.dumps({"mesh": train, "baseline": given}))
@@ -114,7 +128,7 @@ def write_renders(scene, sampling: Path, rendering: Path) -> None:
 def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
     outcome = run(inputs, CONFIG, tmp_path / "out", silent)
     packed = read(tmp_path / "out" / SCENE_ZARR)
-    for name in ("images", "alpha", "depth", "source", "photo_id", "dome_id", "splits", "baseline_images"):
+    for name in ("images", "alpha", "source", "photo_id", "dome_id", "splits", "baseline_images"):
         assert np.array_equal(getattr(packed, name), getattr(scene, name)), name
     assert np.allclose(packed.world_from_cam, scene.world_from_cam)
     assert np.allclose(packed.intrinsics, scene.intrinsics)
@@ -128,6 +142,32 @@ def test_the_packed_scene_is_the_scene(scene, inputs, tmp_path):
     assert any("share of a target's points that training sees" in note for note in outcome.notes)
     assert outcome.metrics["leak_seen_share_max"] == 1
     assert (tmp_path / "out/contact_sheet.png").is_file()
+
+
+def test_depth_is_exact_of_renders_and_by_stereo_of_training_photographs(scene, inputs, tmp_path):
+    run(inputs, CONFIG, tmp_path / "out", silent)
+    packed = read(tmp_path / "out" / SCENE_ZARR)
+    assert np.array_equal(packed.depth[REAL:], scene.depth[REAL:])
+    train = np.flatnonzero(scene.splits[:REAL] == SPLITS.index("train"))
+    assert np.array_equal(packed.depth[train, :, : WIDTH // 2], scene.scaffold[train, :, : WIDTH // 2])
+    assert not packed.depth[:REAL, :, WIDTH // 2 :].any(), "unknown where stereo is not sure"
+    assert not packed.depth[:REAL][scene.splits[:REAL] != SPLITS.index("train")].any(), (
+        "nothing is taught about the test"
+    )
+
+
+def test_a_scaffold_is_the_depth_of_the_mesh_that_a_view_may_know(scene, inputs, tmp_path):
+    flat = Mesh(np.array([[-900, -900, 0], [900, -900, 0], [0, 900, 0]], np.float32), np.zeros((3, 3), np.uint8),
+                np.array([[0, 1, 2]], np.int32))  # fmt: skip
+    flat.save(inputs["surface"] / BASELINE_MESH)
+    run(inputs, CONFIG, tmp_path / "out", silent)
+    packed = read(tmp_path / "out" / SCENE_ZARR)
+    train = scene.splits == SPLITS.index("train")
+    assert np.allclose(packed.scaffold[train].astype(float), scene.scaffold[train].astype(float), rtol=2e-3)
+    ground = (packed.scaffold[~train].astype(float) - scene.scaffold[~train]) > 1
+    assert 0.05 < ground.mean() < 0.9, (
+        "the test block's is of the other mesh: where there are boxes, it sees the ground"
+    )
 
 
 def test_the_slab_and_bounds_hold_the_scene(scene, inputs, tmp_path):

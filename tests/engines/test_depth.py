@@ -27,8 +27,8 @@ from aug3d_core.depth.files import (
 )
 from aug3d_core.depth.job import DepthJob
 from aug3d_core.depth.launch import run_jobs
-from aug3d_core.depth.maps import read_map
 from aug3d_core.depth.stage import run
+from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Points, Tracks, Views

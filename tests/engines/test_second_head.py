@@ -113,7 +113,7 @@ def test_it_brings_its_own_training_settings(told: dict) -> None:
 
 
 def test_the_form_offers_both(told: dict) -> None:
-    assert told["forms"] == ["MeanConfig", "PixelNerfConfig"]
+    assert told["forms"] == ["MeanConfig", "PixelNerfConfig", "SweepConfig"]
 
 
 def test_it_learns(told: dict) -> None:

@@ -30,7 +30,7 @@ def predict(model: PixelNeRF, scene: Scene, target: int, inputs: np.ndarray) -> 
     return View(
         to_8_bit(fine_rgb).reshape(*shape, 3),
         depth.reshape(shape),
-        {"coarse": to_8_bit(coarse_rgb).reshape(*shape, 3)},
+        parts={"coarse": to_8_bit(coarse_rgb).reshape(*shape, 3)},
     )
 
 

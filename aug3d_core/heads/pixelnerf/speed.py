@@ -58,6 +58,7 @@ def cropped(scene: Scene, side_px: int) -> Scene:
         images=scene.images[:, rows, columns],
         alpha=scene.alpha[:, rows, columns],
         depth=scene.depth[:, rows, columns],
+        scaffold=scene.scaffold[:, rows, columns],
         intrinsics=scene.intrinsics - [0, 0, left, top],
         baseline_images=scene.baseline_images[:, rows, columns],
         baseline_alpha=scene.baseline_alpha[:, rows, columns],

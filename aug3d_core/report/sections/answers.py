@@ -72,19 +72,19 @@ def _groups(views: pd.DataFrame, rules: dict[str, str] | None, head: str) -> str
     rows = []
     for name in _answers(views):
         by_group = np.asarray(views.groupby(["fold", "group"])[name].mean())
-        similarity = "ssim" if name == "psnr" else name.replace("_psnr", "_ssim")
-        ssim = f"{views[similarity].mean():.3f}" if similarity in views else "-"
+        others = [name.removesuffix("psnr") + score for score in ("ssim", "flip")]
         rows.append(
             (
                 _called(name, head),
                 *(f"{figure:.2f}" for figure in (by_group.max(), by_group.min(), by_group.mean())),
-                ssim,
+                *(f"{views[score].mean():.3f}" if score in views else "-" for score in others),
             )
         )
-    said = f"PSNR [dB] over {views.groupby(['fold', 'group']).ngroups} test groups; SSIM over all test views."
+    count = views.groupby(["fold", "group"]).ngroups
+    said = f"PSNR [dB] over {count} test groups; SSIM (1: the same) and FLIP (0: the same) over all test views."
     if rules:
         said += f" Answers are {rules['answers']}. PSNR {rules['psnr']}. Photographs: {rules['photographs']}."
-    heads = ("answer", "best group", "lowest group", "average", "SSIM")
+    heads = ("answer", "best group", "lowest group", "average", "SSIM", "FLIP")
     return tag("h3", "Test groups") + tag("p", escape(said), class_="dim") + table(heads, rows, range(1, len(heads)))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
+from aug3d_core.judging.summary import FROM_MESH
 from aug3d_core.report.html import number, percent, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.sections.tracks import ENOUGH
@@ -115,9 +116,9 @@ def _test(run: ReportedRun) -> Iterator[Verdict]:
 
 
 def _against_cheap(model: float, cheap: dict[str, float]) -> Verdict:
-    """Compare the model with the cheap answers. Only the mesh was made from more than the model's inputs."""
+    """Compare the model with the cheap answers. Those of the mesh were made from more than the model's inputs."""
     best = max(cheap, key=lambda name: cheap[name])
-    from_inputs = max((value for name, value in cheap.items() if name != "mesh_render"), default=-float("inf"))
+    from_inputs = max((value for name, value in cheap.items() if name not in FROM_MESH), default=-float("inf"))
     light: Light = "good" if model >= cheap[best] else "check" if model >= from_inputs else "bad"
     what = f"model against the best cheap answer ({best.replace('_', ' ')})"
     bounds = "good above all of them, bad below those made from the same inputs"

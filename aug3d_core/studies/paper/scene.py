@@ -18,7 +18,7 @@ from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
 
-GIVEN = ("sfm", "similarity", "surface")  # what cells read of the scene
+GIVEN = ("sfm", "similarity", "depth", "surface")  # what cells read of the scene
 _OWN = ("grouping", "sampling", "rendering", "dataset", "training", "evaluation")  # stages that cells make anew
 
 

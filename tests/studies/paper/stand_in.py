@@ -60,7 +60,7 @@ def finished_scene(home: Path, name: str = "little", folds: int | None = None) -
     store, config = Store(home), scene_config("tiny")
     records: dict[str, Record] = {}
     for fold in range(folds or 1):
-        for stage in ("sfm", "similarity", "grouping", "surface"):
+        for stage in ("sfm", "similarity", "grouping", "depth", "surface"):
             if fold and stage in ("sfm", "similarity"):
                 continue
             step = f"{stage}_fold{fold}" if fold else stage

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.depth.maps import read_map, write_map
+from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.run.errors import InputError
 
 

@@ -1,0 +1,35 @@
+"""The depth of a mesh at the views' poses: what a model may start from besides its input views.
+
+Training photographs are given the mesh of training photographs, all others the mesh of all photographs but the test's targets:
+at test time the support photographs are there, and no pixel of a target reaches its own scaffold.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Float16
+
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.raycast import Raycaster
+from aug3d_core.geometry.transforms import invert
+from aug3d_core.surface.files import BASELINE_MESH, MESH
+
+
+def scaffold_depth(
+    surface: Path,
+    train: Bool[np.ndarray, " n"],
+    world_from_cam: Float[np.ndarray, "n 4 4"],
+    intrinsics: Float[np.ndarray, "n 4"],
+    size_px: tuple[int, int],
+) -> Float16[np.ndarray, "n h w"]:
+    """Return the depth along z of the mesh that each photograph may know; 0 where it has a hole."""
+    depth = np.zeros((len(train), *size_px[::-1]), np.float16)
+    for name, chosen in ((MESH, train), (BASELINE_MESH, ~train)):
+        mesh = Mesh.load(surface / name)
+        caster = Raycaster(mesh.xyz, mesh.triangles)
+        for view in np.flatnonzero(chosen):
+            hits = caster.view(invert(world_from_cam[view, :3]), intrinsics[view], np.array(size_px))
+            depth[view] = np.where(hits.triangle >= 0, hits.distance, 0)
+    return depth

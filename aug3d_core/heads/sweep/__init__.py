@@ -1,0 +1,6 @@
+"""A model that sees geometry: it sweeps planes through the slab, and blends the inputs' pixels where they agree.
+
+config    its settings, and how it is trained in each preset
+head      loss and prediction: what training and judging see
+network   features -> coarse and fine cost volumes -> depth -> blended colours
+"""

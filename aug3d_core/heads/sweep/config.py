@@ -1,0 +1,70 @@
+"""Settings of the plane sweep, and how it is trained in each preset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field
+
+from aug3d_core.heads.config import HeadConfig
+
+
+class SweepConfig(HeadConfig):
+    """The cost volumes, and what of a target a step looks at."""
+
+    title: ClassVar[str] = "plane sweep"
+    name: Literal["sweep"] = Field(default="sweep", description="Name of the head.")
+    planes: int = Field(default=32, ge=4, le=256, description="Planes of the coarse volume, over the slab [planes].")
+    fine_planes: int = Field(
+        default=7, ge=3, le=32, description="Planes of the fine volume, about the coarse height [planes]."
+    )
+    features: int = Field(default=16, ge=4, le=128, description="Channels of the coarse features [channels].")
+    crop_px: int = Field(
+        default=128,
+        ge=32,
+        le=4096,
+        description="Width of the part of a target in a training step; it is 3/4 as high [px].",
+    )
+    depth_weight: float = Field(
+        default=0.5, ge=0, le=100, description="Weight of the error of height in the slab, where depth is known [1]."
+    )
+
+    scaffold: bool = Field(
+        default=True,
+        description="Start from the depth of the scene's mesh, made without the target, where there is one.",
+    )
+
+    @property
+    def facts(self) -> Mapping[str, int | float | str]:
+        """The size of the network."""
+        return {"planes": self.planes, "features": self.features, "crop": f"{self.crop_px} px"}
+
+
+CONFIG = SweepConfig
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "tiny": {
+        "steps": 3000,
+        "learning_rate": 2e-3,
+        "rendered_share": 0.6,
+        "groups_per_step": 1,
+        "input_views": 5,
+        "head": SweepConfig(),
+    },
+    "small": {
+        "steps": 12_000,
+        "learning_rate": 2e-3,
+        "rendered_share": 0.6,
+        "input_views": 5,
+        "head": SweepConfig(planes=64, features=24, crop_px=192),
+    },
+    "paper": {
+        "steps": 100_000,
+        "learning_rate": 1e-3,
+        "rendered_share": 0.6,
+        "groups_per_step": 4,
+        "input_views": 7,
+        "checkpoint_every": 2000,
+        "head": SweepConfig(planes=128, features=32, crop_px=320),
+    },
+}

@@ -1,0 +1,201 @@
+"""The plane sweep as a head: what training and judging see of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int, UInt8
+from torch import Tensor
+from torch.nn import functional as F
+
+from aug3d_core.dataset.batches import Group
+from aug3d_core.dataset.scene import RENDERED, Scene
+from aug3d_core.dataset.warp import Inputs, Target
+from aug3d_core.heads.exposure import Exposure
+from aug3d_core.heads.head import Head, View, colour_measures, to_8_bit
+from aug3d_core.heads.sweep.config import SweepConfig
+from aug3d_core.heads.sweep.network import COARSE, Given, Seen, SweepNetwork
+
+_SOFT = 1e-2  # of colours in [0, 1]: below it an error counts squared, above it as it is
+_EDGES = 0.5  # weight of the error of differences between neighbouring pixels
+_HEIGHT_SOFT = 0.05  # the same of heights in the slab
+_OFF, _WAVE_PX = 0.03, 16  # of the errors given to exact scaffolds: at most this spread [slabs], one in so many px
+
+Window = tuple[int, int, int, int]  # left, top, width, height, px
+
+
+class SweepHead(Head):
+    """The network with its loss: errors of colours, of their edges, and of heights where the depth is known."""
+
+    config: SweepConfig
+
+    def __init__(self, config: SweepConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.network = SweepNetwork(config)
+
+    def loss(
+        self, scenes: Sequence[Scene], groups: Sequence[Group], noise: torch.Generator | None
+    ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+        """Compare a window of one target of each group. height_error: mean error of heights in the slab, where known."""
+        found = [self._loss_of(scenes[group.scene], group, noise) for group in groups]
+        names = found[0][1]
+        measured = {name: torch.stack([told[name] for _, told in found]).mean() for name in names}
+        return torch.stack([loss for loss, _ in found]).mean(), measured
+
+    @torch.inference_mode()
+    def predict(self, scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> View:
+        """Predict a whole view from the target's scaffold, if it has one, and from the inputs alone."""
+        window = (0, 0, scene.width_px, scene.height_px)
+        start = self._scaffold(scene, target, window)
+        alone = self._see(scene, target, inputs, window, None)
+        if start is None:
+            return _view(alone, _picture(alone), "inputs")
+        seen = self._see(scene, target, inputs, window, start)
+        colour = _picture(seen)
+        row = np.flatnonzero(scene.baseline_view == target)
+        if len(row):  # the mesh's colour where no input sees
+            bare = ~seen.seen.cpu().numpy() & (scene.baseline_alpha[row[0]] >= 128)
+            colour[bare] = scene.baseline_images[row[0]][bare]
+        return _view(seen, colour, "scaffold", {"inputs_alone": _picture(alone)})
+
+    def _loss_of(
+        self, scene: Scene, group: Group, noise: torch.Generator | None
+    ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+        view = int(group.targets[_drawn(len(group.targets), noise)])
+        inputs = (
+            group.inputs[: len(group.inputs) - _drawn(max(len(group.inputs) - 1, 1), noise)] if noise else group.inputs
+        )
+        window = self._window(scene, noise)
+        left, top, width, height = window
+        cut = (view, slice(top, top + height), slice(left, left + width))
+        start = self._scaffold(scene, view, window) if noise and _drawn(2, noise) else None
+        if start is not None and scene.source[view] == RENDERED:
+            start = self._blurred(scene, view, window, start, noise)
+        seen = self._see(scene, view, inputs, window, start)
+        truth = self._tensor(scene.images[cut]).movedim(-1, 0) / 255
+        shown = (self._tensor(scene.alpha[cut]) >= 128).float()
+        weight = shown / shown.sum().clamp(min=1)
+        loss = _error(seen.colour, truth, weight) + _EDGES * _edge_error(seen.colour, truth, shown)
+        off = self._height_error(scene, seen, cut, window, shown) + self._guess_error(scene, seen, inputs)
+        flat = (one.flatten(-2).T[None] for one in (seen.colour, truth, weight[None]))
+        return loss + self.config.depth_weight * off, {**colour_measures(*flat), "height_error": off}
+
+    def _scaffold(self, scene: Scene, view: int, window: Window) -> Float[Tensor, "h w"] | None:
+        """Return the depth that a scene's mesh has for a window; None where it has none, or none is asked for."""
+        if not self.config.scaffold:
+            return None
+        left, top, width, height = window
+        depth = scene.scaffold[view, top : top + height, left : left + width]
+        return self._tensor(depth) if depth.any() else None
+
+    def _blurred(
+        self, scene: Scene, view: int, window: Window, depth: Float[Tensor, "h w"], noise: torch.Generator | None
+    ) -> Float[Tensor, "h w"]:
+        """Return a render's exact depth with smooth errors, as a mesh of photographs has them."""
+        target = Target.of(scene, view, window, self.device)
+        cells = [max(side // _WAVE_PX, 2) for side in depth.shape]
+        waves = (
+            torch.randn((1, 1, *cells), generator=noise).to(self.device) * _OFF * torch.rand((), generator=noise).item()
+        )
+        off = F.interpolate(waves, size=depth.shape, mode="bicubic", align_corners=False)[0, 0]
+        return torch.where(depth > 0, target.depth_at(target.height_of(depth) + off), depth)
+
+    def _height_error(
+        self, scene: Scene, seen: Seen, cut: tuple[int, slice, slice], window: Window, shown: Float[Tensor, "h w"]
+    ) -> Float[Tensor, ""]:
+        """Return the mean error of both volumes' heights where the target's depth is known; 0 where it is nowhere."""
+        depth = self._tensor(scene.depth[cut].astype(np.float32))
+        known = ((depth > 0) & (shown > 0)).float()
+        truth = Target.of(scene, cut[0], window, self.device).height_of(depth)
+        errors = []
+        for heights in seen.heights:
+            whole = F.interpolate(heights[None, None], size=depth.shape, mode="bilinear", align_corners=False)[0, 0]
+            off = F.smooth_l1_loss(whole, truth, beta=_HEIGHT_SOFT, reduction="none")
+            errors.append((off * known).sum() / known.sum().clamp(min=1))
+        return torch.stack(errors).sum()
+
+    def _guess_error(self, scene: Scene, seen: Seen, inputs: Int[np.ndarray, " v"]) -> Float[Tensor, ""]:
+        """Return the mean error of the heights guessed from each input alone, where its depth is known."""
+        depth = self._tensor(scene.depth[inputs].astype(np.float32))
+        whole = (0, 0, scene.width_px, scene.height_px)
+        truth = torch.stack(
+            [Target.of(scene, int(v), whole, self.device).height_of(d) for v, d in zip(inputs, depth, strict=True)]
+        )
+        step = COARSE // 2
+        rows, columns = (slice(step, side // COARSE * COARSE, COARSE) for side in depth.shape[1:])
+        truth, known = truth[:, rows, columns], (depth > 0).float()[:, rows, columns]
+        off = F.smooth_l1_loss(seen.guesses[:, 0], truth, beta=_HEIGHT_SOFT, reduction="none")
+        return (off * known).sum() / known.sum().clamp(min=1)
+
+    def _see(
+        self,
+        scene: Scene,
+        target: int,
+        views: Int[np.ndarray, " v"],
+        window: Window,
+        start: Float[Tensor, "h w"] | None,
+    ) -> Seen:
+        rgb = self._tensor(scene.images[views]) / 255
+        alpha = self._tensor(scene.alpha[views])[..., None] / 255
+        even = Exposure.of(rgb[None], alpha[None]).even(rgb[None])[0]
+        given = Given(
+            torch.cat([rgb, alpha], dim=-1).movedim(-1, 1),
+            even.movedim(-1, 1).contiguous(),
+            None if start is None else self._tensor(scene.scaffold[views])[:, None],
+            start,
+        )
+        rays = Target.of(scene, target, window, self.device)
+        return self.network(rays, Inputs.of(scene, target, views, self.device), given)
+
+    def _window(self, scene: Scene, noise: torch.Generator | None) -> Window:
+        """Draw where to look at a target: a window of whole coarse features."""
+        width, height = self.config.crop_px // COARSE * COARSE, self.config.crop_px * 3 // 4 // COARSE * COARSE
+        width, height = min(width, scene.width_px), min(height, scene.height_px)
+        left, top = (
+            _drawn(whole - part + 1, noise) for whole, part in ((scene.width_px, width), (scene.height_px, height))
+        )
+        return left, top, width, height
+
+    def _tensor(self, array: np.ndarray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+
+
+def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:
+    return to_8_bit(seen.colour.movedim(0, -1).cpu().numpy())
+
+
+def _view(
+    seen: Seen,
+    colour: UInt8[np.ndarray, "h w 3"],
+    started_from: str,
+    parts: Mapping[str, UInt8[np.ndarray, "h w 3"]] = MappingProxyType({}),
+) -> View:
+    depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
+    return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from, parts)
+
+
+def _drawn(count: int, noise: torch.Generator | None) -> int:
+    """Draw one of so many; the middle one without noise."""
+    return count // 2 if noise is None else int(torch.randint(count, (1,), generator=noise))
+
+
+def _error(colour: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], weight: Float[Tensor, "h w"]) -> Tensor:
+    off = colour - truth
+    return ((torch.sqrt(off**2 + _SOFT**2) + 2 * off**2).mean(dim=0) * weight).sum()
+
+
+def _edge_error(colour: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], shown: Float[Tensor, "h w"]) -> Tensor:
+    """Return the error of differences between neighbours, where both are shown."""
+    parts = []
+    for axis in (-1, -2):
+        pair = shown.narrow(axis, 1, shown.shape[axis] - 1) * shown.narrow(axis, 0, shown.shape[axis] - 1)
+        off = (colour - truth).diff(dim=axis)
+        parts.append((off.abs().mean(dim=0) * pair).sum() / pair.sum().clamp(min=1))
+    return torch.stack(parts).sum()
+
+
+HEAD = SweepHead

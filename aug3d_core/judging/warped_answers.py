@@ -1,0 +1,100 @@
+"""Cheap answers that move the inputs' pixels to where geometry says, without learning (in torch, as heads do).
+
+plane_sweep   the depth at which the inputs agree best
+guided_blend  the depth of a mesh that was made without the target, and its colour where no input sees
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from torch import Tensor
+from torch.nn import functional as F
+
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.dataset.warp import Inputs, Target, lookup
+from aug3d_core.heads.head import to_8_bit
+
+PLANES, WINDOW_PX = 64, 5
+_SOFT = 0.01  # difference of colours in [0, 1] that makes a plane e times less likely
+_LEAST_ANGLE = 0.01  # added to 1 - cosine
+_CPU = torch.device("cpu")
+
+
+@torch.inference_mode()
+def plane_sweep(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the inputs' colours where planes between the slab's bottom and top make them agree best."""
+    rays, cameras, rgba = _seen(scene, target, inputs)
+    cost = torch.stack([_disagreement(rays, cameras, rgba, height) for height in _heights()])
+    share = (-cost / _SOFT).softmax(dim=0)
+    height = (share * _heights()[:, None, None]).sum(dim=0)
+    colour, _ = _blend(rays, cameras, rgba, rays.depth_at(height), None)
+    return to_8_bit(colour.movedim(0, -1).numpy())
+
+
+@torch.inference_mode()
+def guided_blend(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the inputs' colours at the depth of the scaffold, from inputs that it does not hide."""
+    rays, cameras, rgba = _seen(scene, target, inputs)
+    depth = _tensor(scene.scaffold[target])
+    scaffolds = _tensor(scene.scaffold[inputs])[:, None]
+    there = torch.where(depth > 0, depth, rays.depth_at(torch.full_like(depth, 0.5)))
+    colour, seen = _blend(rays, cameras, rgba, there, scaffolds)
+    answer = to_8_bit(colour.movedim(0, -1).numpy())
+    row = int(np.flatnonzero(scene.baseline_view == target)[0])
+    bare = ~(seen & (depth > 0)).numpy() & (scene.baseline_alpha[row] >= 128)
+    answer[bare] = scene.baseline_images[row][bare]
+    return answer
+
+
+def _seen(scene: Scene, target: int, inputs: np.ndarray) -> tuple[Target, Inputs, Float[Tensor, "v 4 y x"]]:
+    rgba = np.concatenate([scene.images[inputs], scene.alpha[inputs][..., None]], axis=-1) / 255
+    window = (0, 0, scene.width_px, scene.height_px)
+    return (
+        Target.of(scene, target, window, _CPU),
+        Inputs.of(scene, target, inputs, _CPU),
+        _tensor(rgba).movedim(-1, 1).contiguous(),
+    )
+
+
+def _heights() -> Float[Tensor, " p"]:
+    return (torch.arange(PLANES) + 0.5) / PLANES
+
+
+def _disagreement(
+    rays: Target, cameras: Inputs, rgba: Float[Tensor, "v 4 y x"], height: Float[Tensor, ""]
+) -> Float[Tensor, "h w"]:
+    """Return the mean absolute difference of the views that see a plane from their mean, over a window.
+
+    It is 1 where fewer than two do.
+    """
+    xy_px, inside = cameras.project(rays, rays.depth_at(height.expand(1, *rays.rise.shape)))
+    pixels = lookup(rgba, xy_px, 1)[:, :, 0]
+    seen = (inside[:, 0] & (pixels[:, 3] > 0.5)).float()[:, None]
+    count = seen.sum(dim=0)
+    mean = (pixels[:, :3] * seen).sum(dim=0) / count.clamp(min=1)
+    off = ((pixels[:, :3] - mean).abs().mean(dim=1, keepdim=True) * seen).sum(dim=0) / count.clamp(min=1)
+    off = torch.where(count > 1, off, torch.ones_like(off))
+    return F.avg_pool2d(off[None], WINDOW_PX, 1, WINDOW_PX // 2, count_include_pad=False)[0, 0]
+
+
+def _blend(
+    rays: Target,
+    cameras: Inputs,
+    rgba: Float[Tensor, "v 4 y x"],
+    depth: Float[Tensor, "h w"],
+    scaffolds: Float[Tensor, "v 1 y x"] | None,
+) -> tuple[Float[Tensor, "3 h w"], Bool[Tensor, "h w"]]:
+    """Return the inputs' mean colour at a depth, weighted by viewing angle, and where any input sees it."""
+    xy_px, inside = cameras.project(rays, depth[None])
+    pixels = lookup(rgba, xy_px, 1)[:, :, 0]
+    seen = inside[:, 0] & (pixels[:, 3] > 0.5)
+    if scaffolds is not None:
+        seen = seen & ~cameras.hidden(rays, depth, scaffolds, xy_px)
+    weight = (seen + 1e-6) / (1 - cameras.cosines(rays, depth) + _LEAST_ANGLE)
+    return (pixels[:, :3] * (weight / weight.sum(dim=0))[:, None]).sum(dim=0), seen.any(dim=0)
+
+
+def _tensor(array: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))

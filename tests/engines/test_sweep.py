@@ -1,0 +1,217 @@
+"""The plane sweep: exact geometry, inputs in any order and number, and that it learns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from aug3d_core.dataset.batches import Wanted, draw
+from aug3d_core.dataset.projection import project
+from aug3d_core.dataset.warp import Inputs, Target, lookup
+from aug3d_core.heads.head import build
+from aug3d_core.heads.sweep.config import SweepConfig
+from aug3d_core.heads.sweep.network import Given, PlaneConv, _filled
+from aug3d_core.judging.cheap_answers import ground_homography
+from tests.toy_scene import toy_scene
+
+SMALL = SweepConfig(planes=16, features=8, crop_px=32)
+CPU = torch.device("cpu")
+WHOLE = (0, 0, 48, 36)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 48, 36)
+
+
+def head(config=SMALL):
+    torch.manual_seed(0)
+    return build(config)
+
+
+def test_points_on_rays_lie_where_the_rest_of_the_project_sees_them(scene):
+    depth = torch.rand(1, 36, 48) * 20 + 30
+    xy_px, inside = Inputs.of(scene, 40, np.array([38, 41]), CPU).project(Target.of(scene, 40, WHOLE, CPU), depth)
+    pose = scene.world_from_cam[40]
+    v, u = np.mgrid[:36, :48] + 0.5
+    fx, fy, cx, cy = scene.intrinsics[40]
+    rays = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones_like(u)], axis=-1) @ pose[:3, :3].T
+    points = (pose[:3, 3] + rays * depth[0, ..., None].numpy()).reshape(-1, 3)
+    for place, view in enumerate((38, 41)):
+        there, ahead = project(scene, view, points)
+        assert np.allclose(xy_px[place, 0].reshape(-1, 2)[ahead], there[ahead], atol=1e-2)
+        within = ahead & ((there >= 0) & (there <= [48, 36])).all(axis=1)
+        assert np.array_equal(inside[place, 0].numpy().ravel(), within)
+
+
+def test_heights_and_depths_are_inverse_and_end_at_the_slab(scene):
+    target = Target.of(scene, 40, WHOLE, CPU)
+    heights = torch.rand(3, 36, 48)
+    depths = target.depth_at(heights)
+    for height, depth in zip(heights, depths, strict=True):
+        assert torch.allclose(target.height_of(depth), height, atol=1e-4)
+    truth = torch.from_numpy(scene.depth[40].astype(np.float32))
+    found = target.height_of(truth)
+    assert found.min() > -0.01 and found.max() < 1.01, "all that the toy shows is in its slab"
+
+
+def test_a_window_is_a_part_of_the_whole(scene):
+    whole, part = Target.of(scene, 40, WHOLE, CPU), Target.of(scene, 40, (8, 4, 16, 12), CPU)
+    assert torch.equal(part.rays, whole.rays[4:16, 8:24])
+
+
+@pytest.mark.parametrize("stride", [1, 2, 4])
+def test_a_feature_stands_for_the_middle_of_its_square(stride):
+    """A ramp that is shrunk and looked up is the ramp."""
+    ramp = torch.arange(48.0).expand(36, 48)[None, None] + 0.5
+    maps = torch.nn.functional.avg_pool2d(ramp, stride)
+    xy_px = torch.rand(1, 1, 5, 7, 2) * torch.tensor([40.0, 28.0]) + 4
+    assert torch.allclose(lookup(maps, xy_px, stride)[0, 0], xy_px[0, ..., 0], atol=1e-3)
+
+
+def test_at_the_true_depth_the_blend_shows_the_target(scene):
+    """Before it has learned anything: what is left is what the inputs do not show."""
+    target, *inputs = scene.groups["test"][0]
+    views = np.array(inputs[:3])
+    network, rays = head().network, Target.of(scene, int(target), WHOLE, CPU)
+    rgba = torch.from_numpy(np.concatenate([scene.images[views], scene.alpha[views][..., None]], -1) / 255.0).float()
+    rgba = rgba.movedim(-1, 1)
+    depth = torch.from_numpy(true_depth(scene, int(target)))
+    with torch.no_grad():
+        colour, shown = network.blend(rays, Inputs.of(scene, int(target), views, CPU), depth, Given(rgba, rgba[:, :3]),
+                                      torch.zeros(3, 12, 18, 24))  # fmt: skip
+    truth = scene.images[target] / 255.0
+    off = np.abs(colour.movedim(0, -1).numpy() - truth)[shown.numpy()]
+    flat = np.abs(ground_homography(scene, int(target), views) / 255.0 - truth)[shown.numpy()]
+    assert np.median(off) < 0.5 * np.median(flat)
+
+
+def true_depth(scene, view):
+    """Return the depth of a photograph of the toy, which its data set does not hold."""
+    from tests.toy_scene import _shoot, toy_world
+
+    fx, fy, cx, cy = scene.intrinsics[view]
+    return _shoot(toy_world(np.random.default_rng(0)), scene.world_from_cam[view], (fx, fy, cx, cy), 48, 36)[1].astype(
+        np.float32
+    )
+
+
+def test_the_order_of_the_inputs_is_nothing_to_it(scene):
+    model, members = head().eval(), scene.groups["test"][0]
+    one, other = (model.predict(scene, int(members[0]), members[order]) for order in ([1, 2, 3], [3, 1, 2]))
+    assert np.abs(one.colour.astype(int) - other.colour).max() <= 1
+    assert np.allclose(one.depth, other.depth, rtol=1e-3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_it_takes_any_number_of_inputs(scene, count):
+    members = scene.groups["test"][0]
+    view = head().eval().predict(scene, int(members[0]), members[1 : 1 + count])
+    assert view.colour.shape == (36, 48, 3)
+    assert np.isfinite(view.depth).all() and (view.depth > 0).all()
+
+
+def test_a_prediction_repeats_and_does_not_look_at_the_target(scene):
+    members, model = scene.groups["test"][0], head().eval()
+    images = scene.images.copy()
+    images[members[0]] = 0
+    views = [model.predict(one, int(members[0]), members[1:4]) for one in (scene, scene, replace(scene, images=images))]
+    assert all(np.array_equal(views[0].colour, view.colour) for view in views[1:])
+
+
+@pytest.mark.parametrize(("width", "height"), [(44, 28), (42, 27)])
+def test_odd_sizes_are_predicted_whole(width, height):
+    scene = toy_scene(0, width, height)
+    members = scene.groups["test"][0]
+    assert head().eval().predict(scene, int(members[0]), members[1:4]).colour.shape == (height, width, 3)
+
+
+def test_without_noise_the_loss_repeats(scene):
+    model = head()
+    groups = draw([scene], Wanted(2, 3, 0.5, None), np.random.default_rng(0))
+    first, second = (model.loss([scene], groups, None) for _ in range(2))
+    assert first[0].item() == second[0].item()
+    assert first[1].keys() == second[1].keys() >= {"error", "height_error"}
+
+
+def test_it_learns_the_height_of_what_renders_show(scene):
+    model = head()
+    groups = draw([scene], Wanted(2, 3, 1.0, None), np.random.default_rng(0))
+    optimiser = torch.optim.Adam(model.parameters(), lr=3e-3)
+    told = []
+    for step in range(40):
+        loss, measured = model.loss([scene], groups, torch.Generator().manual_seed(step % 4))
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        told.append(measured["height_error"].item())
+    assert np.mean(told[-8:]) < 0.7 * np.mean(told[:8])
+
+
+def test_planes_convolved_one_by_one_are_a_convolution_in_three_dimensions():
+    torch.manual_seed(0)
+    whole, planes = torch.nn.Conv3d(4, 5, 3, stride=2, padding=1), PlaneConv(4, 5, stride=2, rectified=False)
+    x = torch.rand(7, 4, 9, 8)
+    with torch.no_grad():
+        planes.each.weight.copy_(torch.cat(whole.weight.unbind(2)))
+        planes.each.bias.copy_(torch.cat([torch.zeros(5), whole.bias, torch.zeros(5)]))
+        assert torch.allclose(planes(x), whole(x.movedim(1, 0)[None])[0].movedim(0, 1), atol=1e-5)
+
+
+def test_a_scaffold_is_what_depth_is_looked_for_about(scene):
+    """Untrained, the depth is within the reach of the fine planes of the scaffold, and no edge of it is blurred."""
+    members, model = scene.groups["test"][0], head().eval()
+    view = model.predict(scene, int(members[0]), members[1:4])
+    target = Target.of(scene, int(members[0]), WHOLE, CPU)
+    off = target.height_of(torch.from_numpy(view.depth).float()) - target.height_of(
+        torch.from_numpy(scene.scaffold[members[0]].astype(np.float32))
+    )
+    assert off.abs().max() < 0.05
+    assert (view.started_from, set(view.parts)) == ("scaffold", {"inputs_alone"})
+    alone = replace(scene, scaffold=np.zeros_like(scene.scaffold))
+    assert np.array_equal(model.predict(alone, int(members[0]), members[1:4]).colour, view.parts["inputs_alone"])
+
+
+def test_what_no_input_sees_is_marked_and_the_mesh_shows_it(scene):
+    members, model = scene.groups["test"][0], head().eval()
+    poses = scene.world_from_cam.copy()
+    poses[members[1:], 0, 3] += 1e4
+    away = replace(scene, world_from_cam=poses)
+    view = model.predict(away, int(members[0]), members[1:4])
+    assert not view.seen.any()
+    assert np.array_equal(view.colour, scene.images[members[0]]), "the toy's mesh shows the truth"
+    assert np.isfinite(view.parts["inputs_alone"]).all()
+
+
+def test_a_scaffold_with_holes_is_used_around_them(scene):
+    members, model = scene.groups["test"][0], head().eval()
+    holed = scene.scaffold.copy()
+    holed[:, 8:20, 8:30] = 0
+    view = model.predict(replace(scene, scaffold=holed), int(members[0]), members[1:4])
+    assert np.isfinite(view.depth).all() and (view.depth > 0).all()
+    whole = model.predict(scene, int(members[0]), members[1:4])
+    assert np.allclose(view.depth[26:], whole.depth[26:], rtol=1e-2)
+
+
+def test_a_target_that_looks_at_the_sky_is_predicted_and_marked(scene):
+    members, model = scene.groups["test"][0], head().eval()
+    poses, bare = scene.world_from_cam.copy(), scene.scaffold.copy()
+    poses[members[0], :3, 1:3] *= -1
+    bare[members[0]] = 0
+    view = model.predict(replace(scene, world_from_cam=poses, scaffold=bare), int(members[0]), members[1:4])
+    assert np.isfinite(view.depth).all() and view.colour.shape == (36, 48, 3)
+    assert view.seen.mean() < 0.5
+
+
+def test_colours_are_continued_smoothly_to_where_nothing_is_seen():
+    colour, some = torch.rand(3, 24, 32), torch.zeros(1, 24, 32)
+    some[:, :, :10] = 1
+    filled = _filled(colour, some)
+    assert torch.equal(filled[:, :, :10], colour[:, :, :10])
+    beyond = filled[:, :, 10:]
+    assert beyond.min() >= colour[:, :, :10].min() and beyond.max() <= colour[:, :, :10].max()
+    assert torch.equal(_filled(colour, torch.ones(1, 24, 32)), colour)
+    assert torch.isfinite(_filled(colour, torch.zeros(1, 24, 32))).all()

@@ -1,0 +1,70 @@
+"""Answers that move pixels by geometry: right where the geometry is, and blind to the target."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aug3d_core.judging.cheap_answers import ground_homography
+from aug3d_core.judging.scores import psnr
+from aug3d_core.judging.warped_answers import guided_blend, plane_sweep
+from tests.toy_scene import toy_scene
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 64, 48)
+
+
+def members(scene):
+    target, *inputs = scene.groups["test"][0]
+    return int(target), np.array(inputs[:4])
+
+
+def test_true_depth_moves_pixels_to_their_place(scene):
+    target, inputs = members(scene)
+    bare = replace(scene, baseline_alpha=np.zeros_like(scene.baseline_alpha))
+    guided, flat = (answer(bare, target, inputs) for answer in (guided_blend, ground_homography))
+    assert psnr(scene.images[target], guided) > psnr(scene.images[target], flat) + 2
+
+
+def test_the_mesh_fills_what_no_input_sees(scene):
+    target, inputs = members(scene)
+    poses = scene.world_from_cam.copy()
+    poses[inputs, 0, 3] += 1e4
+    answer = guided_blend(replace(scene, world_from_cam=poses), target, inputs)
+    row = int(np.flatnonzero(scene.baseline_view == target)[0])
+    assert np.array_equal(answer, scene.baseline_images[row])
+
+
+def test_an_input_behind_a_wall_is_not_used(scene):
+    """The scaffold of an input that is blind sees something just before its lens."""
+    target, inputs = members(scene)
+    scaffold, images = scene.scaffold.copy(), scene.images.copy()
+    scaffold[inputs[0]], images[inputs[0]] = 1.0, 0
+    with_wall = guided_blend(replace(scene, scaffold=scaffold, images=images), target, inputs)
+    without = guided_blend(scene, target, inputs[1:])
+    assert np.abs(with_wall.astype(int) - without).mean() < 1
+
+
+def test_a_sweep_finds_boxes_without_being_told(scene):
+    target, inputs = members(scene)
+    swept, flat = (answer(scene, target, inputs) for answer in (plane_sweep, ground_homography))
+    assert psnr(scene.images[target], swept) > psnr(scene.images[target], flat)
+
+
+@pytest.mark.parametrize("answer", [plane_sweep, guided_blend])
+def test_the_target_is_not_looked_at(scene, answer):
+    target, inputs = members(scene)
+    images = scene.images.copy()
+    images[target] = 0
+    assert np.array_equal(answer(scene, target, inputs), answer(replace(scene, images=images), target, inputs))
+
+
+def test_inputs_far_away_are_no_error(scene):
+    target, inputs = members(scene)
+    poses = scene.world_from_cam.copy()
+    poses[inputs, 0, 3] += 1e4
+    assert plane_sweep(replace(scene, world_from_cam=poses), target, inputs).shape == (48, 64, 3)
