@@ -107,6 +107,31 @@ def bench_nerf(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_js
     _bench("nerf", home, preset, set_, as_json, measure)
 
 
+@bench.command("heads")
+def bench_heads(
+    home: Home = HOME,
+    preset: Preset = "tiny",
+    photos: Annotated[
+        list[Path], typer.Option(help="Also train and judge on these photographs, and judge the town's model on them.")
+    ] = [],
+    set_: Set = [],
+    as_json: AsJson = False,
+) -> None:
+    """The plane sweep against the cheap answers, PixelNeRF, and on places that it never saw (40 minutes; the town alone: 25).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import heads
+
+        return Measurement(
+            heads.figures(store, scene, say, tuple(photos)), {"photos": [str(folder) for folder in photos]}
+        )
+
+    _bench("heads", home, preset, set_, as_json, measure)
+
+
 def _bench(
     name: str,
     home: Path,

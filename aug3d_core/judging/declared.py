@@ -21,7 +21,7 @@ EVALUATION = Stage(
             "test_psnr_mean test_psnr_ci_low test_psnr_ci_high test_psnr_median test_psnr_p5 test_psnr_best "
             "test_psnr_worst test_ssim_mean *_psnr_mean over_* group_*"
         ),
-        lower="test_flip_mean",
+        lower="test_flip_mean seconds_per_view",
         neither="head started_from test_views conventions test_photos cheap_*",
     ),
     decidable=("input_views",),

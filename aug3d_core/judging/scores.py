@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 
 import flip_evaluator
@@ -23,17 +24,22 @@ def evaluate(
     head: Head,
     scene: Scene,
     config: EvaluationConfig,
-    seen: Callable[[int, View, dict[str, np.ndarray]], None] = lambda group, view, answers: None,
+    seen: Callable[[int, View, dict[str, np.ndarray], float], None] = lambda group, view, answers, seconds: None,
 ) -> pd.DataFrame:
-    """Predict the target of every test group; one row each with the scores of every answer."""
+    """Predict the target of every test group; one row each with the scores of every answer.
+
+    seen: called with each group, the view, the cheap answers, and how long the prediction took [s].
+    """
     check_test_groups(scene, config)
     rows = []
     for group, members in enumerate(scene.groups["test"]):
         target, inputs = int(members[0]), members[1 : 1 + config.input_views]
+        started = time.perf_counter()
         view = head.predict(scene, target, inputs)
+        seconds = time.perf_counter() - started
         answers = cheap_answers(scene, target, inputs)
         rows.append({"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, view, answers))
-        seen(group, view, answers)
+        seen(group, view, answers, seconds)
     return pd.DataFrame(rows)
 
 

@@ -36,8 +36,11 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     count = len(scene.groups["test"])
     kept: dict[int, tuple[View, dict[str, np.ndarray]]] = {}
 
-    def seen(group: int, view: View, answers: dict[str, np.ndarray]) -> None:
+    spent = []
+
+    def seen(group: int, view: View, answers: dict[str, np.ndarray], seconds: float) -> None:
         kept[group] = (view, answers)
+        spent.append(seconds)
         progress(group + 1, count, "test views")
 
     progress(0, count, "test views")
@@ -56,6 +59,7 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
         metrics={
             "head": head.config.name,
             **({"started_from": started_from} if started_from else {}),
+            "seconds_per_view": round(float(np.median(spent)), 3),
             **figures,
             "conventions": digest(stated),
             "test_photos": held_out_digest(scene),

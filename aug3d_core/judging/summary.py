@@ -40,19 +40,25 @@ def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
             for score in ("ssim", "flip")
         },
         "over_best_cheap_db": float(scores.mean() - max(cheap.values())),
-        **_leads(column, config),
+        **_leads(table, config),
     }
     return {"test_views": len(table)} | {name: round(value, 4) for name, value in figures.items()}
 
 
-def _leads(column: dict[str, np.ndarray], config: EvaluationConfig) -> dict[str, float]:
-    """Return how far the model is above each cheap answer [dB]: 95 % intervals of the mean difference, paired by group."""
-    groups, figures = column["group"], {}
+def lead(table: pd.DataFrame, answer: str, other: str, config: EvaluationConfig) -> tuple[float, float, float]:
+    """Return how far a column is above another [dB]: the mean, and its 95 % interval, paired and over groups."""
+    difference = np.asarray(table[answer], float) - np.asarray(table[other], float)
+    groups = np.asarray(table["group"])
+    each = np.array([difference[groups == group].mean() for group in np.unique(groups)])
+    low, high = bootstrap(each, config.resamples, np.random.default_rng(config.seed))
+    return float(difference.mean()), low, high
+
+
+def _leads(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
+    figures = {}
     for name in CHEAP:
-        lead = column["psnr"] - column[f"{name}_psnr"]
-        each = np.array([lead[groups == group].mean() for group in np.unique(groups)])
-        bounds = bootstrap(each, config.resamples, np.random.default_rng(config.seed))
-        figures |= {f"over_{name}_ci_low": bounds[0], f"over_{name}_ci_high": bounds[1]}
+        _, low, high = lead(table, "psnr", f"{name}_psnr", config)
+        figures |= {f"over_{name}_ci_low": low, f"over_{name}_ci_high": high}
     return figures
 
 

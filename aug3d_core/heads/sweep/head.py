@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -75,8 +75,9 @@ class SweepHead(Head):
         start = self._scaffold(scene, view, window) if noise and _drawn(2, noise) else None
         if start is not None and scene.source[view] == RENDERED:
             start = self._blurred(scene, view, window, start, noise)
-        seen = self._see(scene, view, inputs, window, start)
-        truth = self._tensor(scene.images[cut]).movedim(-1, 0) / 255
+        colours = _colours(noise)
+        seen = self._see(scene, view, inputs, window, start, colours)
+        truth = colours(self._tensor(scene.images[cut]) / 255).movedim(-1, 0)
         shown = (self._tensor(scene.alpha[cut]) >= 128).float()
         weight = shown / shown.sum().clamp(min=1)
         loss = _error(seen.colour, truth, weight) + _EDGES * _edge_error(seen.colour, truth, shown)
@@ -138,8 +139,9 @@ class SweepHead(Head):
         views: Int[np.ndarray, " v"],
         window: Window,
         start: Float[Tensor, "h w"] | None,
+        colours: Callable[[Tensor], Tensor] = lambda rgb: rgb,
     ) -> Seen:
-        rgb = self._tensor(scene.images[views]) / 255
+        rgb = colours(self._tensor(scene.images[views]) / 255)
         alpha = self._tensor(scene.alpha[views])[..., None] / 255
         even = Exposure.of(rgb[None], alpha[None]).even(rgb[None])[0]
         given = Given(
@@ -176,6 +178,14 @@ def _view(
 ) -> View:
     depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
     return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from, parts)
+
+
+def _colours(noise: torch.Generator | None) -> Callable[[Tensor], Tensor]:
+    """Draw other colours for everything that a step sees: what a model learns of roofs is not to be that they are red."""
+    if noise is None:
+        return lambda rgb: rgb
+    order, negative = torch.randperm(3, generator=noise), _drawn(2, noise)
+    return lambda rgb: (1 - rgb if negative else rgb)[..., order.to(rgb.device)]
 
 
 def _drawn(count: int, noise: torch.Generator | None) -> int:
