@@ -30,6 +30,13 @@ class SweepConfig(HeadConfig):
         default=0.5, ge=0, le=100, description="Weight of the error of height in the slab, where depth is known [1]."
     )
 
+    recoloured_share: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="Share of the training steps that see everything in other colours: better on places never seen, worse on"
+        " this one [1].",
+    )
     scaffold: bool = Field(
         default=True,
         description="Start from the depth of the scene's mesh, made without the target, where there is one.",

@@ -75,7 +75,7 @@ class SweepHead(Head):
         start = self._scaffold(scene, view, window) if noise and _drawn(2, noise) else None
         if start is not None and scene.source[view] == RENDERED:
             start = self._blurred(scene, view, window, start, noise)
-        colours = _colours(noise)
+        colours = self._colours(noise)
         seen = self._see(scene, view, inputs, window, start, colours)
         truth = colours(self._tensor(scene.images[cut]) / 255).movedim(-1, 0)
         shown = (self._tensor(scene.alpha[cut]) >= 128).float()
@@ -118,6 +118,13 @@ class SweepHead(Head):
             off = F.smooth_l1_loss(whole, truth, beta=_HEIGHT_SOFT, reduction="none")
             errors.append((off * known).sum() / known.sum().clamp(min=1))
         return torch.stack(errors).sum()
+
+    def _colours(self, noise: torch.Generator | None) -> Callable[[Tensor], Tensor]:
+        """Draw other colours for all that a step sees: what a model learns of roofs is not to be that they are red alone."""
+        if noise is None or float(torch.rand((), generator=noise)) >= self.config.recoloured_share:
+            return lambda rgb: rgb
+        order, negative = torch.randperm(3, generator=noise), _drawn(2, noise)
+        return lambda rgb: (1 - rgb if negative else rgb)[..., order.to(rgb.device)]
 
     def _guess_error(self, scene: Scene, seen: Seen, inputs: Int[np.ndarray, " v"]) -> Float[Tensor, ""]:
         """Return the mean error of the heights guessed from each input alone, where its depth is known."""
@@ -178,14 +185,6 @@ def _view(
 ) -> View:
     depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
     return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from, parts)
-
-
-def _colours(noise: torch.Generator | None) -> Callable[[Tensor], Tensor]:
-    """Draw other colours for everything that a step sees: what a model learns of roofs is not to be that they are red."""
-    if noise is None:
-        return lambda rgb: rgb
-    order, negative = torch.randperm(3, generator=noise), _drawn(2, noise)
-    return lambda rgb: (1 - rgb if negative else rgb)[..., order.to(rgb.device)]
 
 
 def _drawn(count: int, noise: torch.Generator | None) -> int:

@@ -1,0 +1,40 @@
+"""What `aug3d bench heads` says of a judged scene: each start against its own cheap answers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from aug3d_core.bench.heads import TOWN_GOALS, _scene_figures
+from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Trial
+from tests.report.made_up_run import record
+
+
+def judged(home: Path, **scores: float) -> tuple[Store, Trial]:
+    """Return a store with an evaluation in which every view has the same scores."""
+    store, made = Store(home), record("evaluation")
+    folder = store.files_dir(made)
+    folder.mkdir(parents=True)
+    pd.DataFrame([{"group": group, "photo_id": group, **scores} for group in range(4)]).to_parquet(folder / TEST_VIEWS)
+    return store, Trial({"evaluation": made})
+
+
+def test_each_start_is_held_against_its_own_answers(tmp_path: Path) -> None:
+    cheap = {"ground_homography": 19.0, "plane_sweep": 18.0, "mesh_render": 25.0, "guided_blend": 26.0}
+    scores = {f"{name}_psnr": db for name, db in cheap.items()}
+    found = _scene_figures(*judged(tmp_path, psnr=26.5, ssim=0.9, inputs_alone_psnr=22.5, **scores), "town", TOWN_GOALS)
+    assert found["town_over_ground_homography"].value == pytest.approx(3.5)
+    assert found["town_over_guided_blend"].value == pytest.approx(0.5)
+    holds = {name: figure.holds for name, figure in found.items() if figure.goal}
+    assert holds == {
+        "town_over_ground_homography": True,
+        "town_over_plane_sweep": True,
+        "town_over_mesh_render": False,
+        "town_over_guided_blend": False,
+    }
+    assert json.dumps({name: vars(figure) for name, figure in found.items()})
