@@ -51,7 +51,7 @@ class SweepConfig(HeadConfig):
 CONFIG = SweepConfig
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "tiny": {
-        "steps": 3000,
+        "steps": 2500,
         "learning_rate": 2e-3,
         "rendered_share": 0.6,
         "groups_per_step": 1,

@@ -66,9 +66,9 @@ class SweepHead(Head):
         self, scene: Scene, group: Group, noise: torch.Generator | None
     ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
         view = int(group.targets[_drawn(len(group.targets), noise)])
-        inputs = (
-            group.inputs[: len(group.inputs) - _drawn(max(len(group.inputs) - 1, 1), noise)] if noise else group.inputs
-        )
+        inputs = _nearest_first(scene, view, group.inputs)
+        if noise:  # two to all of them: the nearest, as in the test's groups
+            inputs = inputs[: len(inputs) - _drawn(max(len(inputs) - 1, 1), noise)]
         window = self._window(scene, noise)
         left, top, width, height = window
         cut = (view, slice(top, top + height), slice(left, left + width))
@@ -185,6 +185,11 @@ def _view(
 ) -> View:
     depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
     return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from, parts)
+
+
+def _nearest_first(scene: Scene, view: int, inputs: Int[np.ndarray, " v"]) -> Int[np.ndarray, " v"]:
+    eyes = scene.world_from_cam[:, :3, 3]
+    return inputs[np.argsort(np.linalg.norm(eyes[inputs] - eyes[view], axis=1), kind="stable")]
 
 
 def _drawn(count: int, noise: torch.Generator | None) -> int:
