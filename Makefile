@@ -3,8 +3,8 @@ SHELL := /bin/bash
 VENV := .venv
 PY := $(VENV)/bin/python
 READY := $(VENV)/.ready
-# Two processes more than cores (tests/processes.py): tests of programs wait for these
-SHARED := -n auto --maxprocesses 6
+# One process more than cores (tests/processes.py): tests wait for servers half of their time
+SHARED := -n auto --maxprocesses 4
 
 .PHONY: demo test check setup clean
 

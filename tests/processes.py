@@ -144,7 +144,8 @@ class OneCore:
     def __init__(self, config: pytest.Config) -> None:
         self._all = os.sched_getaffinity(0)
         cores = sorted(self._all)
-        self._own = {cores[int(config.workerinput["workerid"].removeprefix("gw")) % len(cores)]}  # type: ignore[attr-defined]
+        number = int(config.workerinput["workerid"].removeprefix("gw"))  # type: ignore[attr-defined]
+        self._own = {cores[(number + number // len(_KINDS)) % len(cores)]}  # those of one kind are on different cores
         os.sched_setaffinity(0, self._own)  # libraries count the cores when they are imported
 
     @pytest.hookimpl(tryfirst=True)
@@ -170,8 +171,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Use two processes more than cores: those that test whole programs wait half of their time."""
-    return 2 + len(os.sched_getaffinity(0))
+    """Use one process more than cores, since half of a test's time is waiting; so there are always both kinds."""
+    return 1 + len(os.sched_getaffinity(0))
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Apart:

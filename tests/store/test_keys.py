@@ -75,6 +75,7 @@ def test_key_changes_with_code_but_not_with_comments(stage, tmp_path: Path) -> N
 
 # Distribution of a package; "" where another release of it changes neither files nor figures
 DISTRIBUTIONS = {
+    "flip_evaluator": "flip-evaluator",
     "PIL": "pillow", "cv2": "opencv-python-headless", "skimage": "scikit-image",
     "numpy": "",  # an engine of every stage as it is
     "jaxtyping": "", "pydantic": "", "pydantic_core": "",  # say what is given, and compute nothing
