@@ -45,7 +45,7 @@ class Target:
         rise = (rays[..., 2] - slab.a * rays[..., 0] - slab.b * rays[..., 1]) / thickness
         above = (float(slab.height(pose[:3, 3])) - slab.low) / thickness
         far = 2 * float(scene.near_far[view, 1])
-        return cls(_tensor(rays, device), _tensor(rise, device), above, far)
+        return cls(on_device(rays, device), on_device(rise, device), above, far)
 
     def at_stride(self, stride: int) -> Target:
         """Return the rays in the middle of squares of so many pixels."""
@@ -79,7 +79,7 @@ class Inputs:
         cam_from_world = invert(scene.world_from_cam[views][..., :3, :])
         turn, centre = cam_from_world[..., :3], scene.world_from_cam[target, :3, 3]
         shift = turn @ centre + cam_from_world[..., 3]
-        tensors = (_tensor(turn, device), _tensor(shift, device), _tensor(scene.intrinsics[views], device))
+        tensors = (on_device(turn, device), on_device(shift, device), on_device(scene.intrinsics[views], device))
         return cls(*tensors, scene.width_px, scene.height_px)
 
     def project(
@@ -124,7 +124,8 @@ def lookup(
     return found.unflatten(2, xy_px.shape[1:3])
 
 
-def _tensor(array: np.ndarray, device: torch.device) -> Tensor:
+def on_device(array: np.ndarray, device: torch.device) -> Tensor:
+    """Return an array as a tensor of single precision."""
     return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(device)
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.dataset.warp import Inputs, Target, lookup
+from aug3d_core.dataset.warp import Inputs, Target, lookup, on_device
 from aug3d_core.heads.head import to_8_bit
 
 PLANES, WINDOW_PX = 64, 5
@@ -37,8 +37,8 @@ def plane_sweep(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UIn
 def guided_blend(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
     """Return the inputs' colours at the depth of the scaffold, from inputs that it does not hide."""
     rays, cameras, rgba = _seen(scene, target, inputs)
-    depth = _tensor(scene.scaffold[target])
-    scaffolds = _tensor(scene.scaffold[inputs])[:, None]
+    depth = on_device(scene.scaffold[target], _CPU)
+    scaffolds = on_device(scene.scaffold[inputs], _CPU)[:, None]
     there = torch.where(depth > 0, depth, rays.depth_at(torch.full_like(depth, 0.5)))
     colour, seen = _blend(rays, cameras, rgba, there, scaffolds)
     answer = to_8_bit(colour.movedim(0, -1).numpy())
@@ -54,7 +54,7 @@ def _seen(scene: Scene, target: int, inputs: np.ndarray) -> tuple[Target, Inputs
     return (
         Target.of(scene, target, window, _CPU),
         Inputs.of(scene, target, inputs, _CPU),
-        _tensor(rgba).movedim(-1, 1).contiguous(),
+        on_device(rgba, _CPU).movedim(-1, 1).contiguous(),
     )
 
 
@@ -94,7 +94,3 @@ def _blend(
         seen = seen & ~cameras.hidden(rays, depth, scaffolds, xy_px)
     weight = (seen + 1e-6) / (1 - cameras.cosines(rays, depth) + _LEAST_ANGLE)
     return (pixels[:, :3] * (weight / weight.sum(dim=0))[:, None]).sum(dim=0), seen.any(dim=0)
-
-
-def _tensor(array: np.ndarray) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))

@@ -13,7 +13,7 @@ from torch.nn import functional as F
 
 from aug3d_core.dataset.batches import Group
 from aug3d_core.dataset.scene import RENDERED, Scene
-from aug3d_core.dataset.warp import Inputs, Target
+from aug3d_core.dataset.warp import Inputs, Target, on_device
 from aug3d_core.heads.exposure import Exposure
 from aug3d_core.heads.head import Head, View, colour_measures, to_8_bit
 from aug3d_core.heads.sweep.config import SweepConfig
@@ -40,7 +40,7 @@ class SweepHead(Head):
     def loss(
         self, scenes: Sequence[Scene], groups: Sequence[Group], noise: torch.Generator | None
     ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
-        """Compare a window of one target of each group. height_error: mean error of heights in the slab, where known."""
+        """Compare a window of one target of each group. height_error: of both volumes and of the guesses, added."""
         found = [self._loss_of(scenes[group.scene], group, noise) for group in groups]
         names = found[0][1]
         measured = {name: torch.stack([told[name] for _, told in found]).mean() for name in names}
@@ -108,7 +108,7 @@ class SweepHead(Head):
     def _height_error(
         self, scene: Scene, seen: Seen, cut: tuple[int, slice, slice], window: Window, shown: Float[Tensor, "h w"]
     ) -> Float[Tensor, ""]:
-        """Return the mean error of both volumes' heights where the target's depth is known; 0 where it is nowhere."""
+        """Return the mean errors [slabs] of both volumes, added, where the target's depth is known; 0 where it is nowhere."""
         depth = self._tensor(scene.depth[cut].astype(np.float32))
         known = ((depth > 0) & (shown > 0)).float()
         truth = Target.of(scene, cut[0], window, self.device).height_of(depth)
@@ -170,7 +170,7 @@ class SweepHead(Head):
         return left, top, width, height
 
     def _tensor(self, array: np.ndarray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+        return on_device(array, self.device)
 
 
 def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:
