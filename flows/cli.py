@@ -43,7 +43,7 @@ from flows.up import up
 
 app = typer.Typer(
     name="aug3d",
-    help="From drone photographs to a trained PixelNeRF, and the truth about how good it is.\n\n"
+    help="From drone photographs to a trained view-synthesis model, and the truth about how good it is.\n\n"
     "Start with [bold]aug3d demo[/], then [bold]aug3d run my_scene --photos DIR[/].",
     no_args_is_help=True,
     rich_markup_mode="rich",

@@ -1,4 +1,4 @@
-"""Heads against the cheap answers, against each other, and on a place that the head never saw; all at 256 x 192 px."""
+"""Heads against the cheap answers, against each other, and on a place that the head never saw; at the preset's size."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ from aug3d_core.judging.summary import lead
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial, single, tried
 
-SIZE = tuple(
-    f"{stage}.{side}_px={px}" for stage in ("sampling", "dataset") for side, px in (("width", 256), ("height", 192))
-)
 SWEEP, PIXELNERF = ("training.head=sweep",), ("training.head=pixelnerf",)
 FROM_INPUTS = (
     "ground_homography",
@@ -50,8 +47,7 @@ def figures(store: Store, scene: Measured, say: Say, photos: tuple[Path, ...]) -
 
 
 def _trial(store: Store, scene: Measured, say: Say, head: tuple[str, ...], photos: Path | None = None) -> Trial:
-    # The settings of the command line come last: they make a small benchmark of a small town
-    settings = Measured(scene.preset, (*SIZE, *head, *scene.overrides))
+    settings = Measured(scene.preset, (*head, *scene.overrides))
     return run_trial(store, "evaluation", settings, (), directly(store, say), photos)
 
 

@@ -10,8 +10,8 @@ from aug3d_core.run.stage import StageConfig
 class DatasetConfig(StageConfig):
     """What the packed scene looks like."""
 
-    width_px: int = Field(default=96, ge=8, le=4096, multiple_of=4, description="Width of every packed view [px].")
-    height_px: int = Field(default=72, ge=8, le=4096, multiple_of=4, description="Height of every packed view [px].")
+    width_px: int = Field(default=256, ge=8, le=4096, multiple_of=4, description="Width of every packed view [px].")
+    height_px: int = Field(default=192, ge=8, le=4096, multiple_of=4, description="Height of every packed view [px].")
     outlier_share: float = Field(
         default=0.005,
         ge=0,
@@ -26,6 +26,6 @@ class DatasetConfig(StageConfig):
 
 PRESETS: dict[str, DatasetConfig] = {
     "tiny": DatasetConfig(),
-    "small": DatasetConfig(width_px=160, height_px=120),
+    "small": DatasetConfig(width_px=512, height_px=384),
     "paper": DatasetConfig(width_px=400, height_px=300),
 }

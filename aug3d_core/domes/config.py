@@ -28,8 +28,8 @@ class SamplingConfig(StageConfig):
         le=1,
         description="What a dome must add to be kept, as a share of what a dome shows on average.",
     )
-    width_px: int = Field(default=96, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
-    height_px: int = Field(default=72, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
+    width_px: int = Field(default=256, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
+    height_px: int = Field(default=192, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
     domes: int = Field(
         default=16,
         ge=0,
@@ -125,6 +125,6 @@ class SamplingConfig(StageConfig):
 
 PRESETS: dict[str, SamplingConfig] = {
     "tiny": SamplingConfig(),
-    "small": SamplingConfig(width_px=160, height_px=120, domes=64),
+    "small": SamplingConfig(width_px=512, height_px=384, domes=64),
     "paper": SamplingConfig(width_px=400, height_px=300, domes=200),
 }

@@ -12,7 +12,7 @@ from aug3d_core.depth.config import DepthConfig
 from aug3d_core.domes.config import SamplingConfig
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.groups.config import GroupingConfig, SimilarityConfig
-from aug3d_core.heads.config import DEFAULT, names
+from aug3d_core.heads.config import config_of, names
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.overlap.config import OverlapConfig
 from aug3d_core.photos.config import PhotosConfig
@@ -135,7 +135,7 @@ def place(loc: Iterable[str | int]) -> tuple[str, ...]:
     return tuple(name for n, name in enumerate(named) if not (n and named[n - 1] == "head" and name in names()))
 
 
-def _preset(name: str, head: str = DEFAULT) -> SceneConfig:
+def _preset(name: str, head: str | None = None) -> SceneConfig:
     if name == AUTO:
         base = _preset(_BASE, head)
         return base.model_copy(update={"auto": LEFT_OPEN, "grouping": base.grouping.model_copy(update={"k": "auto"})})
@@ -170,6 +170,10 @@ def _unknown(values: Mapping[str, Any], override: str, stage: str, path: str) ->
     beside = value_at(values, above)
     near = f"training.head.{field}"
     hint = f"did you mean {near}?" if above == "training" and field in values["training"]["head"] else ""
+    if owner := next((name for name in names() if field in config_of(name).model_fields), ""):
+        hint = hint or (
+            f"it is a setting of another head: set training.head={owner} first" if above == "training.head" else ""
+        )
     known = ", ".join(beside) if isinstance(beside, Mapping) and beside else "none"
     what = f"stage {stage}" if above == stage else above
     return UsageError(f"--set {override!r}: {what} has no field {field!r}", hint or f"its fields are: {known}")

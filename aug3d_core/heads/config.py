@@ -14,7 +14,8 @@ from pydantic_core import CoreSchema, core_schema
 
 from aug3d_core.run.stage import StageConfig
 
-DEFAULT = "pixelnerf"
+DEFAULT = "sweep"
+FIRST = "pixelnerf"  # the paper's; up to 0.6 the only one, and models and runs had no name of a head
 
 Measures = Mapping[str, float]  # what one training step measured, by name
 Symptom = Callable[[Measures], bool]
@@ -63,9 +64,14 @@ def presets_of(name: str) -> Mapping[str, Mapping[str, Any]]:
     return _module(name).PRESETS
 
 
+def usual_of(preset: str) -> str:
+    """Return the head of a preset, where none is chosen: `paper` has the paper's."""
+    return FIRST if preset == "paper" else DEFAULT
+
+
 def title_of(name: str | None) -> str:
     """Return what reports call a head; its name if it is none of today's. Runs up to 0.6 told none: they had the first."""
-    name = name or DEFAULT
+    name = name or FIRST
     return config_of(name).title if name in names() else name
 
 

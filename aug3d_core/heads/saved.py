@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
-from aug3d_core.heads.config import DEFAULT, HeadConfig, config_of
+from aug3d_core.heads.config import FIRST, HeadConfig, config_of
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.heads.head import Head, build
 from aug3d_core.run.errors import InputError
@@ -46,10 +46,8 @@ def _config(told: dict[str, Any]) -> HeadConfig:
     if "head" in told:
         kind, values = config_of(told["head"]["name"]), told["head"]
     else:
-        kind = config_of(DEFAULT)
-        values = {"name": DEFAULT} | {
-            name: told["config"][name] for name in kind.model_fields if name in told["config"]
-        }
+        kind = config_of(FIRST)
+        values = {"name": FIRST} | {name: told["config"][name] for name in kind.model_fields if name in told["config"]}
     if untold := sorted(kind.model_fields.keys() - values.keys()):  # a default could be another network
         raise InputError(f"the model was trained before there was {', '.join(untold)}", AGAIN)
     return kind.model_validate(values)

@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import Field
 
 from aug3d_core.dataset.batches import Wanted
-from aug3d_core.heads.config import DEFAULT, AnyHead, config_of, presets_of
+from aug3d_core.heads.config import DEFAULT, AnyHead, config_of, presets_of, usual_of
 from aug3d_core.run.stage import StageConfig
 
 
@@ -66,6 +66,6 @@ class TrainingConfig(StageConfig):
         return self.head.files
 
 
-def presets(head: str = DEFAULT) -> dict[str, TrainingConfig]:
-    """Return the settings of training with a head, by the name of the preset."""
-    return {name: TrainingConfig(**values) for name, values in presets_of(head).items()}
+def presets(head: str | None = None) -> dict[str, TrainingConfig]:
+    """Return the settings of training with a head, by the name of the preset; by default the usual head of each."""
+    return {name: TrainingConfig(**presets_of(head or usual_of(name))[name]) for name in presets_of(DEFAULT)}

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import pytest
 
-from aug3d_core.factory.config import left_open, overridden, place, scene_config, validated_config, with_settings
-from aug3d_core.heads.config import names
+from aug3d_core.factory.config import (
+    PRESETS,
+    left_open,
+    overridden,
+    place,
+    scene_config,
+    validated_config,
+    with_settings,
+)
+from aug3d_core.heads.config import DEFAULT, names
 from aug3d_core.run.errors import UsageError
 from aug3d_core.scene_files.entry import SceneEntry
+from aug3d_core.training.config import presets
 
 
 def test_an_override_reaches_the_settings_of_the_head_and_leaves_the_rest() -> None:
-    usual, changed = (scene_config("small", words).training for words in ([], ["training.head.hidden=32"]))
-    assert changed.head.hidden == 32
+    usual, changed = (scene_config("small", words).training for words in ([], ["training.head.planes=24"]))
+    assert changed.head.planes == 24
     assert changed.model_copy(update={"head": usual.head}) == usual
-    assert changed.head.model_copy(update={"hidden": usual.head.hidden}) == usual.head
+    assert changed.head.model_copy(update={"planes": usual.head.planes}) == usual.head
 
 
 @pytest.mark.parametrize(
@@ -23,8 +32,9 @@ def test_an_override_reaches_the_settings_of_the_head_and_leaves_the_rest() -> N
         ("training.head=nothing", "there is no head 'nothing'"),
         ("training.head.name=../other", "there is no head"),
         ("training.head.width=3", "training.head has no field 'width'"),
-        ("training.hidden=3", "did you mean training.head.hidden?"),
-        ("training.head.hidden=3", "training.head.hidden='3': input should be greater than or equal to 8"),
+        ("training.planes=8", "did you mean training.head.planes?"),
+        ("training.head.hidden=32", "set training.head=pixelnerf first"),
+        ("training.head.planes=3", "training.head.planes='3': input should be greater than or equal to 4"),
         ("training.steps.more=3", "training.steps has no field 'more'"),
         ("training.head", "not of the form"),
     ],
@@ -43,14 +53,20 @@ def test_a_head_is_chosen_by_its_name_and_keeps_what_was_set_of_it(name: str) ->
 
 
 def test_settings_of_a_file_may_name_one_field_of_the_head() -> None:
-    entry = SceneEntry(photos=None, settings={"training": {"head": {"hidden": 32}, "steps": 9}})
-    assert entry.config() == scene_config("tiny", ["training.head.hidden=32", "training.steps=9"])
+    entry = SceneEntry(photos=None, settings={"training": {"head": {"planes": 24}, "steps": 9}})
+    assert entry.config() == scene_config("tiny", ["training.head.planes=24", "training.steps=9"])
     by_name = SceneEntry(photos=None, settings={"training": {"head": "pixelnerf"}})
-    assert by_name.config() == scene_config("tiny")
+    assert by_name.config() == scene_config("tiny", ["training.head=pixelnerf"])
+
+
+def test_the_preset_paper_has_the_papers_model_and_the_others_the_usual_one() -> None:
+    of_presets = {preset: scene_config(preset).training.head.name for preset in PRESETS}
+    assert of_presets.pop("paper") == "pixelnerf" and set(of_presets.values()) == {DEFAULT}
+    assert scene_config("paper", [f"training.head={DEFAULT}"]).training == presets(DEFAULT)["paper"]
 
 
 def test_what_is_set_of_a_head_is_not_left_open() -> None:
-    config = validated_config(with_settings("auto", {"training": {"head": {"hidden": 128}}}))
+    config = validated_config(with_settings("auto", {"training": {"head": {"name": "pixelnerf", "hidden": 128}}}))
     assert "training.head.hidden" not in config.auto and "head.hidden" not in left_open(config, "training")
     assert "head.coarse_samples" in left_open(config, "training")
 

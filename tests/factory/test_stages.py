@@ -8,10 +8,12 @@ import pytest
 
 from aug3d_core.factory import stages
 from aug3d_core.factory.config import AUTO, PRESETS, SceneConfig
-from aug3d_core.factory.stages import STAGES
+from aug3d_core.factory.stages import STAGES, TRAINING
+from aug3d_core.heads.config import names
 from aug3d_core.run.nested import flat
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.code import reached
+from aug3d_core.training.config import presets
 
 EVERY = [stage for stage in vars(stages).values() if isinstance(stage, Stage)]
 
@@ -32,8 +34,9 @@ def test_a_stage_is_declared_in_full(stage: Stage) -> None:
     assert stage.description.endswith(".")
     assert set(stage.presets) in (set(), set(PRESETS) - {AUTO})
     assert {type(config) for config in stage.presets.values()} <= {stage.config}
-    settings = flat(stage.presets["tiny"].model_dump()) if stage.presets else {}
-    assert set(stage.decidable) <= set(settings)
+    tiny = [stage.presets["tiny"]] if stage.presets else []
+    tiny += [presets(name)["tiny"] for name in names()] if stage is TRAINING else []
+    assert set(stage.decidable) <= {field for config in tiny for field in flat(config.model_dump())}
     assert stage.accuracy in stage.metrics
 
 

@@ -10,9 +10,10 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "matching": {"max_features": 2048},
     "grouping": {"k": 4, "groups": 8, "folds": 1},
     "depth": {"max_px": 192},
-    "sampling": {"domes": 2},
+    "sampling": {"domes": 2, "width_px": 96, "height_px": 72},
     "rendering": {"views_per_shard": 4, "samples": 4},
-    "training": {"steps": 30, "checkpoint_every": 10, "head": {"hidden": 32, "rays_per_group": 128}},
+    "dataset": {"width_px": 96, "height_px": 72},
+    "training": {"steps": 30, "checkpoint_every": 10, "head": {"planes": 8, "features": 8, "crop_px": 64}},
     "evaluation": {"flythrough_frames": 4},
 }
 

@@ -26,7 +26,7 @@ from tests.journeys.test_demo import run as run_demo
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(2400)]
 
 # No group of 10 can be made of its few training photographs: those arms must say so.
-SETTINGS = ["--set", "training.steps=5", "--set", "training.head.rays_per_group=32"]
+SETTINGS = ["--set", "training.steps=5", "--set", "training.head.crop_px=32"]
 
 
 def command(home: Path, study: str) -> list[str]:

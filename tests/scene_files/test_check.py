@@ -91,7 +91,7 @@ def test_what_is_left_empty_is_left_out() -> None:
 def test_what_is_set_is_not_left_to_auto() -> None:
     entry = checked_entry(FILE, b"photos: null\npreset: auto\nsettings:\n  training:\n    steps: 1200\n")
     config = entry.config()
-    assert "training.steps" not in config.auto and "training.head.hidden" in config.auto
+    assert "training.steps" not in config.auto and "training.head.planes" in config.auto
     assert checked_entry(FILE, b"photos: null\npreset: small\n").config().auto == ()
 
 

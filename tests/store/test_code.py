@@ -67,8 +67,8 @@ def test_a_second_head_changes_no_stage(copy: Path) -> None:
 
 
 def test_the_code_of_a_head_changes_what_it_trains_alone(copy: Path) -> None:
-    before, field = digests(), copy / "heads" / "pixelnerf" / "field.py"
-    field.write_text(field.read_text().replace("VOTERS = 16", "VOTERS = 17"))
+    before, network = digests(), copy / "heads" / "sweep" / "network.py"
+    network.write_text(network.read_text().replace("_BEYOND = 1.5", "_BEYOND = 2.5"))
     assert changed(before) == {"training"}, "what runs a trained head has its code from the training's record"
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from aug3d_core.factory.auto.decision import Known
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Points, Views
+from aug3d_core.groups.files import GROUPS
+from aug3d_core.sfm.files import POINTS, VIEWS
 
 _LOWEST = 0.02  # share of the points below the ground: strays
 
@@ -29,3 +32,18 @@ def parallax_px(
     focal_px = float(np.median(views.intrinsics[:, 0] / views.size[:, 0])) * width_px
     nearest = max(height - thickness, 0.1 * height)  # a camera within the layer: nearer than this is not looked at
     return focal_px * baseline * (1 / nearest - 1 / height)
+
+
+def known_parallax(known: Known) -> float | None:
+    """Return the parallax (px of a packed view) in a scene whose layer between ground and roofs is known, None of others."""
+    thickness, sfm, groups = (
+        known.figure("dataset", "slab_thickness"),
+        known.folder("sfm"),
+        known.folder("grouping"),
+    )
+    if thickness is None or sfm is None or groups is None:
+        return None
+    with np.load(groups / GROUPS, allow_pickle=False) as arrays:
+        members = arrays["members"]
+    views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
+    return parallax_px(views, members, points.xyz, thickness, known.config.dataset.width_px)

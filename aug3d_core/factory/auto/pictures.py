@@ -1,6 +1,7 @@
 """Rules for the size of pictures. The reference is the size of the predicted views, which the user sets.
 
-The costs were measured on the built-in town at 640 px with views of 96 px (`docs/settings.png`).
+The costs were measured on the built-in town at 640 px with views of 96 px (`docs/settings.png`); views of 256 px need little
+more than those did: poses are far finer than a pixel of either.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ from aug3d_core.groups.config import MOST_K
 from aug3d_core.run.stage import Decision
 
 FEW_PHOTOS = 40  # with fewer, a lost photograph costs more than smaller photographs save in time
-_PHOTO_OVER_VIEW = 6
+_PHOTO_OVER_VIEW = 3
 _LEAST_PHOTO_PX = 576
-_DEPTH_OVER_VIEW, _DEPTH_OVER_VIEW_ALONE = 3, 2
-_LEAST_VIEW_PX = 96
+_DEPTH_OVER_VIEW, _DEPTH_OVER_VIEW_ALONE = 2.0, 1.5
+_LEAST_DEPTH_PX, _LEAST_DEPTH_PX_ALONE = 288, 192
 _PLANE_STEP_PX = 4.0  # between planes depth is interpolated
 _LEAST_MOTION = 0.05  # of the width: along a flight line 20 photographs then see each point
 _TEXELS_PER_PIXEL = 2.5  # domes may stand nearer than photographs did: sampling.min_sampling_ratio
@@ -76,17 +77,18 @@ def first_octave(known: Known) -> Decision | None:
 def depth_px(known: Known) -> Decision:
     """Make depth maps a few times larger than the views, less where nothing is rendered, never larger than the photographs."""
     preset, width, k = known.config.depth.max_px, known.config.dataset.width_px, known.figure("grouping", "k")
-    times = _DEPTH_OVER_VIEW_ALONE if k == MOST_K else _DEPTH_OVER_VIEW
-    least = times * _LEAST_VIEW_PX
-    value = min(max(times * width, least), known.photo_px)
-    why = f"; groups of {MOST_K} need no rendered views" if k == MOST_K else ""
+    alone = k == MOST_K
+    times = _DEPTH_OVER_VIEW_ALONE if alone else _DEPTH_OVER_VIEW
+    least = _LEAST_DEPTH_PX_ALONE if alone else _LEAST_DEPTH_PX
+    value = min(max(round(times * width), least), known.photo_px)
+    why = f"; groups of {MOST_K} need no rendered views" if alone else ""
     return Decision(
         field="depth.max_px",
         value=value,
         measured=f"views of {width} px; photographs of {known.photo_px} px; groups of {k or 0:.0f}",
-        rule=f"{times} times the views' width, at least {least} px, at most the size of the photographs{why}",
+        rule=f"{times:g} times the views' width, at least {least} px, at most the size of the photographs{why}",
         saves=f"{1 - (value / preset) ** 2:.0%} of the pixels of a depth map of {preset} px" if value < preset else "",
-        costs=_depth_costs(k == MOST_K) if value < preset else "",
+        costs=_depth_costs(alone) if value < preset else "",
     )
 
 

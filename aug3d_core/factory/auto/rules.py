@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from aug3d_core.factory.auto import pictures, pixelnerf, views
+from aug3d_core.factory.auto import pictures, pixelnerf, sweep, views
 from aug3d_core.factory.auto.decision import Known
 from aug3d_core.run.stage import Decision
 
@@ -27,7 +27,7 @@ RULES: Mapping[str, Rule] = {
     "evaluation.input_views": views.input_views,
 }
 # How a model is trained, and its own settings: measured for each head by itself
-RULES_OF_HEADS: Mapping[str, Mapping[str, Rule]] = {"pixelnerf": pixelnerf.RULES}
+RULES_OF_HEADS: Mapping[str, Mapping[str, Rule]] = {"pixelnerf": pixelnerf.RULES, "sweep": sweep.RULES}
 
 
 def rule_of(field: str, head: str) -> Rule | None:

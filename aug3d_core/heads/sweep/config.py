@@ -14,6 +14,7 @@ class SweepConfig(HeadConfig):
     """The cost volumes, and what of a target a step looks at."""
 
     title: ClassVar[str] = "plane sweep"
+    decidable: ClassVar[tuple[str, ...]] = ("planes",)
     name: Literal["sweep"] = Field(default="sweep", description="Name of the head.")
     planes: int = Field(default=32, ge=4, le=256, description="Planes of the coarse volume, over the slab [planes].")
     fine_planes: int = Field(

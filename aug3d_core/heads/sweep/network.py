@@ -211,7 +211,8 @@ class Blend(nn.Module):
     def __init__(self, features: int) -> None:
         super().__init__()
         self.each = nn.Sequential(_conv(3 + (features + 3 + 1) + 3 + 2, 16), _conv(16, 16))
-        self.compare, self.vote = _conv(3 * 16, 16), nn.Conv2d(16, 1, 3, padding=1)
+        self.own, self.of_all = nn.Conv2d(16, 16, 3, padding=1), nn.Conv2d(2 * 16, 16, 3, padding=1, bias=False)
+        self.vote = nn.Conv2d(16, 1, 3, padding=1)
         self.enter, self.down, self.deep = _conv(16 + 3 + 1, 16), _halving(16, 32), _conv(32, 32)
         self.up, self.leave = nn.Conv2d(32, 16, 1), nn.Conv2d(16, 3, 3, padding=1)
         for parameter in (*self.vote.parameters(), *self.leave.parameters()):  # begin as a blend by viewing angle alone
@@ -236,19 +237,24 @@ class Blend(nn.Module):
             seen = seen * ~inputs.hidden(target, depth, given.scaffolds, xy_px)[:, None]
         mean = _mean(known, seen)
         angle = 1 - inputs.cosines(target, depth)[:, None]
-        each = self.each(torch.cat([known * 2 - 1, features, above * 5, (known - mean) * 4, seen, angle * 5], dim=1))
-        mean_each, most = _mean(each, seen), each.amax(dim=0, keepdim=True)
-        votes = self.vote(self.compare(torch.cat([each, mean_each.expand_as(each), most.expand_as(each)], dim=1)))
+        told = torch.cat([known * 2 - 1, features, above * 5, (known - mean) * 4, seen, angle * 5], dim=1)
+        each = self.each(F.avg_pool2d(told, 2))
+        seen_half = F.avg_pool2d(seen, 2)
+        mean_each, most = _mean(each, seen_half), each.amax(dim=0, keepdim=True)
+        together = self.own(each) + self.of_all(torch.cat([mean_each, most], dim=1))
+        votes = _resized(self.vote(F.leaky_relu(together, _SLOPE)), seen)
         weight = (votes + torch.log(seen + 1e-4) - torch.log(angle + 0.01)).softmax(dim=0)
         some = seen.amax(dim=0)
         colour = _filled((colours * weight).sum(dim=0), some)
-        x = self.enter(torch.cat([mean_each[0], colour * 2 - 1, some])[None])
+        x = self.enter(torch.cat([_resized(mean_each, seen)[0], colour * 2 - 1, some])[None])
         deep = _resized(self.up(self.deep(self.down(x))), x)
         return colour + self.leave(x + deep)[0], some[0] > 0
 
 
 def _mean(values: Float[Tensor, "v c *n"], seen: Float[Tensor, "v 1 *n"]) -> Float[Tensor, "1 c *n"]:
-    return (values * seen).sum(dim=0, keepdim=True) / seen.sum(dim=0, keepdim=True).clamp(min=1)
+    return (values * seen).sum(dim=0, keepdim=True) / seen.sum(dim=0, keepdim=True).clamp(
+        min=0.25
+    )  # `seen` counts in quarters
 
 
 def _filled(colour: Float[Tensor, "3 h w"], some: Float[Tensor, "1 h w"]) -> Float[Tensor, "3 h w"]:

@@ -88,8 +88,7 @@ def make_cell(store: Store, cell: Cell[Dosed], make: Make) -> StabilityResult:
 
 
 def _run(store: Store, cell: Cell[Dosed], how: InFactory, make: Make) -> Trial:
-    seeds = (f"{field}={cell.seed}" for field in how.seeded)
-    overrides = (*seeds, *how.settings(cell.arm.dose), *cell.arm.perturbation.methods[cell.arm.method])
+    overrides = how.overrides(cell.arm.dose, cell.arm.perturbation.methods[cell.arm.method], cell.seed)
     return run_trial(store, how.until, Measured(_PRESET, how.world), overrides, make)
 
 

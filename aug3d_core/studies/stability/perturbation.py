@@ -63,7 +63,7 @@ def no_settings(_dose: float) -> Overrides:
 class InFactory:
     """The dose acts on a run of the factory on the town: through settings, or by damage to the output of a stage.
 
-    until: the last stage of the run. settings: what a dose sets; a method's own settings come after. seeded: settings that
+    until: the last stage of the run. settings: what a dose sets, after a method's own settings. seeded: settings that
     are set to the seed; a damage always gets it. world: the town. picture: the stage whose first picture shows the failure.
     """
 
@@ -73,6 +73,10 @@ class InFactory:
     seeded: tuple[str, ...] = ()
     world: Overrides = SMALL_TOWN
     picture: str = "sfm"
+
+    def overrides(self, dose: float, method: Overrides, seed: int) -> Overrides:
+        """Return what a cell sets: first its method, since another head brings settings of training with it."""
+        return (*method, *(f"{field}={seed}" for field in self.seeded), *self.settings(dose))
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,17 @@ NOT_DRAWN = ("evaluation.panels=0", "evaluation.flythrough_frames=0")
 # A quick study tests one model for each configuration, however few photographs: folds would cost 3 to 4 times as much.
 ONE_FOLD = ("grouping.folds=1",)
 _SEEDED = ("training.seed",)
-# The grid over the whole factory. Values are the same as setting by setting, so that work is shared.
+# The grid over the whole factory, of the settings that the scene's head has.
+# Values are the same as setting by setting, so that work is shared.
 _AXES: Mapping[str, tuple[str, ...]] = {
     "photos.max_px": ("x5/16", "x1"),
     "depth.max_px": ("x1/2", "x1"),
     "training.head.hidden": ("x1/2", "x1"),
     "training.head.coarse_samples": ("x1/2", "x1"),
+    "training.head.planes": ("x1/2", "x1"),
+    "training.head.features": ("x1/2", "x1"),
 }
-_QUICK_AXES = ("training.head.hidden", "training.head.coarse_samples")
+_QUICK_AXES = tuple(field for field in _AXES if field.startswith("training.head."))
 _RUNGS, _QUICK_RUNGS = ("x1/9", "x1/3", "x1"), ("x1/3", "x1")
 _TRAINED_SHARE = 1 / 4  # of the steps, setting by setting, as in the other studies
 _QUICK_SHARE = 1 / 20

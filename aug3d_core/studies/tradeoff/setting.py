@@ -100,6 +100,9 @@ SETTINGS = (
     _views("views in a group (K)", ("grouping.k",), ("4", "12", "auto"), ("grouping", *_VIRTUAL, *_NETWORK)),
     _views("width of the network", ("training.head.hidden",), ("x1/2", "x1", "x2"), _NETWORK),
     _views("samples on a ray", ("training.head.coarse_samples",), ("x1/2", "x1", "x2"), _NETWORK),
+    _views("planes of the coarse volume", ("training.head.planes",), ("x1/2", "x1", "x2"), _NETWORK),
+    _views("channels of the features", ("training.head.features",), ("x1/2", "x1", "x2"), _NETWORK),
+    _views("width of a training crop (px)", ("training.head.crop_px",), ("x1/2", "x1", "x3/2"), _NETWORK),
     _views("input views", ("training.input_views", "evaluation.input_views"), ("1", "3", "6"), _NETWORK),
     _views("training steps", (STEPS,), ("x1/8", "x1/4", "x1/2", "x1"), _NETWORK),
     _views(
@@ -110,12 +113,18 @@ SETTINGS = (
         OVER_CHEAP,
     ),
 )
-# Each field without a panel of its own in which the scene's network differs from the paper's, set to the paper's value
-AS_THE_PAPER = _views("one thing as in the paper's network", (), (), _NETWORK)
+# Each field without a panel of its own in which the scene's network differs from its head's preset `paper`, set to that
+AS_THE_PAPER = _views("one thing as in the preset paper", (), (), _NETWORK)
 # The duration of training and the file of initial weights are not part of the network
 _NO_DIFFERENCE = {"steps", "least_gain_db", "checkpoint_every", "head.encoder_weights", "seed"}
 # One setting of every kind, each with its first value: minutes
-QUICK = ("features per photograph", "texel (GSD)", "render samples", "width of the network")
+QUICK = (
+    "features per photograph",
+    "texel (GSD)",
+    "render samples",
+    "width of the network",
+    "channels of the features",
+)
 
 
 def resolved(field: str, value: str, config: SceneConfig) -> str:

@@ -154,13 +154,13 @@ def test_every_fold_of_a_small_scene_is_tested(stages: Stages, tmp_path: Path) -
 
 
 def test_effort_is_the_same_in_every_run_and_less_than_the_presets(stages: Stages, tmp_path: Path) -> None:
-    found, results = run(stages, tmp_path, grouping_table(True), "training.head.hidden=32")
+    found, results = run(stages, tmp_path, grouping_table(True), "training.head.features=8")
     configs = [dict(result.records["training"].config) for result in results]
     for config in configs:
         for name in ("seed", "input_views"):
             config.pop(name)
     assert all(config == configs[0] for config in configs)
-    assert configs[0]["head"]["hidden"] == 32 and configs[0]["steps"] == found.effort["steps"] < 1200
+    assert configs[0]["head"]["features"] == 8 and configs[0]["steps"] == found.effort["steps"] < 2500
     assert configs[0]["least_gain_db"] == 0, "no arm ends before another"
 
 

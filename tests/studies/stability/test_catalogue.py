@@ -36,6 +36,4 @@ def test_a_perturbation_can_be_run(perturbation: Perturbation) -> None:
         assert NAMES.index(perturbation.judge.stage) <= NAMES.index(how.until)
         for dose in perturbation.doses:
             for method in perturbation.methods.values():
-                scene_config(
-                    "tiny", (*how.world, *(f"{field}=1" for field in how.seeded), *how.settings(dose), *method)
-                )
+                scene_config("tiny", (*how.world, *how.overrides(dose, method, 1)))

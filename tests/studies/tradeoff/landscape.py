@@ -12,8 +12,8 @@ from aug3d_core.studies.tradeoff.search import Tried
 AXES: Mapping[str, Sequence[str]] = {
     "photos.max_px": ("320", "640"),
     "depth.max_px": ("256", "512"),
-    "training.head.hidden": ("32", "64"),
-    "training.head.coarse_samples": ("4", "8"),
+    "training.head.planes": ("16", "32"),
+    "training.head.features": ("8", "16"),
 }
 RUNGS = (133, 400, 1200)
 _UPSTREAM_S = {"320": {"256": 150.0, "512": 260.0}, "640": {"256": 230.0, "512": 350.0}}
@@ -36,7 +36,7 @@ class Landscape:
         place = int(sum((value == AXES[name][-1]) * 2**i for i, (name, value) in enumerate(values.items())))
         psnr = 21 + gained + self.by_training * math.log2(steps / 133) + self.noise[place * 3 + RUNGS.index(steps)]
         upstream = (values["photos.max_px"], values["depth.max_px"])
-        training = 350 * steps / 1200 * (int(values["training.head.hidden"]) / 64) ** 0.8
-        training *= (6 + int(values["training.head.coarse_samples"])) / 14
+        training = 350 * steps / 1200 * (int(values["training.head.planes"]) / 32) ** 0.8
+        training *= (12 + int(values["training.head.features"])) / 28
         costs = {("up", *upstream): _UPSTREAM_S[upstream[0]][upstream[1]], (settings, steps): training + 8}
         return Tried(psnr, costs, training)

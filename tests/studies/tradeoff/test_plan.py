@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from aug3d_core.factory.config import scene_config
 from aug3d_core.factory.stages import STAGES
+from aug3d_core.heads.config import names
 from aug3d_core.studies.tradeoff.plan import auto_arm, axes, grid_arms, quick_effort, rungs, setting_arms
 from aug3d_core.studies.tradeoff.setting import (
     AS_THE_PAPER,
@@ -18,6 +19,7 @@ from aug3d_core.studies.tradeoff.setting import (
     SETTINGS,
     STEPS,
     Setting,
+    has,
     papers_values,
     resolved,
     spelled,
@@ -33,15 +35,20 @@ SIZED = ("tiny", "small", "paper")
 @pytest.mark.parametrize("preset", SIZED)
 @pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
 def test_settings_exist_and_values_are_allowed(setting: Setting, preset: str) -> None:
-    config = scene_config(preset)
-    for value in setting.values:
-        scene_config(preset, [f"{field}={resolved(field, value, config)}" for field in setting.fields])
+    heads = [[f"training.head={name}"] for name in names()]
+    known = [head for head in heads if all(has(field, scene_config(preset, head)) for field in setting.fields)]
+    assert known
+    for head, value in product(known, setting.values):
+        config = scene_config(preset, head)
+        scene_config(preset, [*head, *(f"{field}={resolved(field, value, config)}" for field in setting.fields)])
     scene_config(preset, [f"{field}=1" for field in setting.seeded])
     assert {*setting.stages, setting.truth.stage, setting.stand_in.stage} <= set(STAGES)
 
 
 @given(
-    st.sampled_from(["training.steps", "sampling.domes", "training.head.hidden"]), st.integers(1, 9), st.integers(1, 9)
+    st.sampled_from(["training.steps", "sampling.domes", "training.head.features"]),
+    st.integers(1, 9),
+    st.integers(1, 9),
 )
 def test_a_share_of_a_count_is_a_count(field: str, over: int, under: int) -> None:
     config = scene_config("tiny")
@@ -52,7 +59,7 @@ def test_a_share_of_a_count_is_a_count(field: str, over: int, under: int) -> Non
 
 def test_sizes_stay_what_the_data_set_takes_and_words_stay_words() -> None:
     config = scene_config("small")
-    assert resolved("dataset.width_px", "x2/3", config) == "108" and resolved("matching.pairs", "gps", config) == "gps"
+    assert resolved("dataset.width_px", "x2/3", config) == "340" and resolved("matching.pairs", "gps", config) == "gps"
     assert resolved("surface.texel_gsd", "x1.4", config) == "1.4" and spelled(2.0) == "2"
 
 
@@ -63,12 +70,16 @@ def test_the_scenes_own_values_are_in_the_grid_whatever_they_are(photo_px: int, 
     assert resolved("depth.max_px", "x1", config) == str(depth_px)
 
 
+@pytest.mark.parametrize("head", names())
 @pytest.mark.parametrize("town", [True, False])
 @pytest.mark.parametrize("quick", [True, False])
-def test_every_panel_has_one_arm_as_the_scene_has_it(town: bool, quick: bool) -> None:
-    arms = setting_arms(scene_config("tiny"), town, quick)
+def test_every_panel_has_one_arm_as_the_scene_has_it(head: str, town: bool, quick: bool) -> None:
+    config = scene_config("tiny", [f"training.head={head}"])
+    arms = setting_arms(config, town, quick)
     panels = {arm.panel for arm in arms}
-    assert panels == (set(QUICK) if quick else {setting.name for setting in (*SETTINGS, AS_THE_PAPER)})
+    there = {setting.name for setting in SETTINGS if all(has(field, config) for field in setting.fields)}
+    assert panels == (there & set(QUICK) if quick else {*there, AS_THE_PAPER.name})
+    assert len(there & set(QUICK)) == 4, "one of every kind"
     for panel in panels:
         labels = [arm.label for arm in arms if arm.panel == panel]
         assert len(set(labels)) == len(labels) >= 2
@@ -76,12 +87,14 @@ def test_every_panel_has_one_arm_as_the_scene_has_it(town: bool, quick: bool) ->
     assert town or not {"truth", "mesh_truth"} & {arm.judge.stage for arm in arms}
 
 
+@pytest.mark.parametrize("head", names())
 @pytest.mark.parametrize("preset", SIZED)
-def test_all_steps_back_to_the_paper_together_are_its_network(preset: str) -> None:
-    config = scene_config(preset)
+def test_all_steps_back_to_the_paper_together_are_its_network(preset: str, head: str) -> None:
+    chosen = f"training.head={head}"
+    config = scene_config(preset, [chosen])
     back = papers_values(config)
-    network = scene_config(preset, [f"{field}={value}" for field, value in back.items()]).training
-    assert network.model_dump(exclude=EFFORT) == scene_config("paper").training.model_dump(exclude=EFFORT)
+    network = scene_config(preset, [chosen, *(f"{field}={value}" for field, value in back.items())]).training
+    assert network.model_dump(exclude=EFFORT) == scene_config("paper", [chosen]).training.model_dump(exclude=EFFORT)
     arms = [arm for arm in setting_arms(config, True, False) if arm.panel == AS_THE_PAPER.name]
     changed = [arm.settings[2:] for arm in arms]  # after steps and their warm-up, which are alike
     alone = {field for setting in SETTINGS for field in setting.fields}
@@ -90,10 +103,9 @@ def test_all_steps_back_to_the_paper_together_are_its_network(preset: str) -> No
 
 
 @pytest.mark.parametrize("quick", [True, False])
-def test_settings_of_another_head_have_no_panel_and_no_axis(quick: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_settings_of_another_head_have_no_panel_and_no_axis(quick: bool) -> None:
     """A head without a width and without rays is studied by what it has."""
     lacks = {"training.head.hidden", "training.head.coarse_samples"}
-    monkeypatch.setattr("aug3d_core.studies.tradeoff.plan.has", lambda field, config: field not in lacks)
     config = scene_config("tiny")
     panels = {arm.panel for arm in setting_arms(config, True, quick)}
     assert "features per photograph" in panels and not {"width of the network", "samples on a ray"} & panels
@@ -114,5 +126,5 @@ def test_the_grid_is_whole_and_has_the_scene_in_it(quick: bool) -> None:
 def test_a_quick_look_trains_for_seconds_and_auto_sets_nothing_by_hand() -> None:
     config = scene_config("tiny")
     quick = scene_config("tiny", quick_effort(config))
-    assert quick.training.steps == config.training.steps / 20 and quick.training.warmup_steps == 5
-    assert auto_arm().settings == () and rungs(quick, True) == [20, 60]
+    assert quick.training.steps == round(config.training.steps / 20) and quick.training.warmup_steps == 5
+    assert auto_arm().settings == () and rungs(quick, True) == [42, 125]

@@ -51,13 +51,13 @@ def test_of_each_setting_the_last_counts_and_is_told(tmp_path: Path) -> None:
 
 def test_a_scene_that_was_run_is_studied_as_it_was_run(stages: Stages, photos: Path, tmp_path: Path) -> None:
     store = Store(tmp_path)
-    ran(stages, store, "field", "small", "training.head.hidden=32", photos=photos)
+    ran(stages, store, "field", "small", "training.head.planes=24", photos=photos)
     scene = open_studied(store, "field", None)
-    assert scene.photos == photos and scene.own == Measured("small", ("training.head.hidden=32",))
+    assert scene.photos == photos and scene.own == Measured("small", ("training.head.planes=24",))
     assert open_studied(store, "field", "tiny").own == Measured("tiny")
     decided = scene.decided()
     assert decided.preset == "auto" and decided.config().dataset.width_px == scene.config().dataset.width_px
-    assert decided.config().training.head.hidden == 32 and "training.head.hidden" not in decided.config().auto
+    assert decided.config().training.head.planes == 24 and "training.head.planes" not in decided.config().auto
 
 
 def test_a_town_that_was_run_keeps_its_world_whatever_the_preset(stages: Stages, tmp_path: Path) -> None:

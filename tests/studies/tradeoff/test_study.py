@@ -51,7 +51,7 @@ def test_the_cheapest_that_is_enough_is_on_the_front_and_the_search_ends_at_it(
     assert found.best is not None and found.chosen is not None and found.target_db is not None
     assert found.best.accuracy == pytest.approx(22.005) and found.target_db == pytest.approx(21.705)
     assert found.chosen.arm in [point.arm for point in on_front(found.factory)]
-    assert "photos.max_px 320" in found.chosen.arm.label and "hidden" not in found.chosen.arm.label
+    assert "photos.max_px 320" in found.chosen.arm.label and "features" not in found.chosen.arm.label
     assert found.search is not None and found.search.reached is not None
     assert found.search.reached.psnr_db >= found.target_db
     judged = search_against_grid(found)
@@ -89,7 +89,7 @@ def test_a_scene_in_folds_is_judged_and_paid_for_over_all_of_them(stages: Stages
     assert found.test_photos == 4 and second == pytest.approx(first - 1), "the stand-in's second fold is harder"
     assert own.accuracy == pytest.approx((3 * first + second) / 4), "every photograph counts alike"
     costs = own.results[0].costs
-    assert costs["training"] == pytest.approx(2 * 350 * 60 / 1200) and costs["matching"] == 75.0
+    assert costs["training"] == pytest.approx(2 * 350 * 125 / 2500) and costs["matching"] == 75.0
     assert found.search is not None and found.search.trials[0].tried.training_s >= costs["training"] / 9
     assert len(as_json(found, "m")["decisions"]) == 1
 
@@ -98,11 +98,11 @@ def test_what_fails_in_one_fold_has_failed(stages: Stages, tmp_path: Path) -> No
     stages.folds = 2
     stages.fails = lambda stage, made: (
         "engine: no"
-        if stage == "training" and made["grouping"]["fold"] and made["training"]["head"]["hidden"] == 32
+        if stage == "training" and made["grouping"]["fold"] and made["training"]["head"]["features"] == 8
         else ""
     )
     found = studied(stages, tmp_path)
-    narrow = [result for result in found.results if "training.head.hidden=32" in result.arm.settings]
+    narrow = [result for result in found.results if "training.head.features=8" in result.arm.settings]
     assert narrow and all(result.trial.failure and result.accuracy is None for result in narrow)
 
 
@@ -138,20 +138,20 @@ def test_auto_is_held_against_the_best_on_the_photographs_that_both_were_judged_
 
 
 def test_chosen_panels_are_made_alone_and_told(stages: Stages, tmp_path: Path) -> None:
-    found = studied(stages, tmp_path, quick=False, only=["the PAPER", "domes"], target_db=1.0)
+    found = studied(stages, tmp_path, quick=False, only=["preset PAPER", "domes"], target_db=1.0)
     assert {point.arm.panel for point in found.points} == {AS_THE_PAPER.name, "domes of virtual views"}
     assert found.best is None and found.search is None and found.auto is None
     page = (write_study(Store(tmp_path), publication(found, "here")) / layout.STUDY_PAGE).read_text()
-    assert "as the scene has it" in page and "see_pixels false" in page and "has a score" not in page
+    assert "as the scene has it" in page and "groups_per_step" in page and "has a score" not in page
     with pytest.raises(UsageError, match="no panel 'faces'"):
         studied(stages, tmp_path, only=["render", "faces"])
 
 
 def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_path: Path) -> None:
-    stages.test_of = lambda made: (5, 6, 7) if made["training"]["head"]["coarse_samples"] == 4 else (1, 2, 3, 4)
+    stages.test_of = lambda made: (5, 6, 7) if made["training"]["head"]["planes"] == 16 else (1, 2, 3, 4)
     found = studied(stages, tmp_path)
     odd = [point for point in found.factory if not point.comparable]
-    assert odd and all("coarse_samples 4" in point.arm.label for point in odd)
+    assert odd and all("planes 16" in point.arm.label for point in odd)
     assert not set(map(id, odd)) & set(map(id, on_front(found.factory)))
 
 
@@ -174,13 +174,13 @@ def test_settings_that_are_refused_are_a_result_and_crashes_are_counted(stages: 
     def fail(stage: str, made: Made) -> str:
         if stage == "matching" and made["matching"]["max_features"] == 512:
             return "refused: too few features"
-        return "crash: signal 11" if stage == "training" and made["training"]["head"]["hidden"] == 32 else ""
+        return "crash: signal 11" if stage == "training" and made["training"]["head"]["features"] == 8 else ""
 
     stages.fails = fail
     found = studied(stages, tmp_path)
     told = as_json(found, "here")
     assert told["crashes"] == crashes(found) > 0 and told["failed_runs"] > crashes(found)
-    assert "hidden" not in told["best"]["label"], "what crashed is not the best"
+    assert "features" not in told["best"]["label"], "what crashed is not the best"
     rows = table(found)
     assert set(rows.loc[rows["accuracy"].isna(), "cause"]) == {"refused", "crash"}
 
@@ -204,7 +204,7 @@ def test_a_search_alone_tries_less_and_takes_a_target(stages: Stages, tmp_path: 
     assert {point.arm.panel for point in found.points} == {FACTORY}
     assert found.search is not None and found.search.reached is not None
     assert found.search.reached.psnr_db >= 21.0 and len(found.factory) < 48 / 2
-    assert studied(stages, tmp_path, search_only=True).target_db == pytest.approx(20 + 1 + 60 / 1200 - 0.2)
+    assert studied(stages, tmp_path, search_only=True).target_db == pytest.approx(20 + 1 + 125 / 2500 - 0.2)
 
 
 def test_a_search_alone_holds_auto_against_the_scene_s_own_with_every_seed(stages: Stages, tmp_path: Path) -> None:

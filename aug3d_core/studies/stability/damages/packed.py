@@ -1,4 +1,4 @@
-"""Damage to the packed scene: near and far wrong, input views that show something else, training in the dark."""
+"""Damage to the packed scene: bounds, slab and scaffold wrong, input views that lie, training in the dark."""
 
 from __future__ import annotations
 
@@ -41,6 +41,51 @@ def darker_training(folder: Path, dose: float, _rng: np.random.Generator) -> Non
     images = scene.images.copy()
     images[dark] = np.rint(images[dark] / dose).astype(np.uint8)
     _write(replace(scene, images=images), folder)
+
+
+def brighter_inputs(folder: Path, dose: float, _rng: np.random.Generator) -> None:
+    """Make the views that the test predicts from so many times as bright."""
+    scene = read(folder / SCENE_ZARR)
+    given, images = scene.splits == SPLITS.index("support"), scene.images.copy()
+    images[given] = np.clip(np.rint(images[given] * dose), 0, 255).astype(np.uint8)
+    _write(replace(scene, images=images), folder)
+
+
+def shifted_inputs(folder: Path, dose: float, rng: np.random.Generator) -> None:
+    """Move the views that the test predicts from, each in a direction of its own, by this share of the height of flight."""
+    scene = read(folder / SCENE_ZARR)
+    given, poses = np.flatnonzero(scene.splits == SPLITS.index("support")), scene.world_from_cam.copy()
+    way = rng.normal(size=(len(given), 3))
+    poses[given, :3, 3] += dose * scene.scale * way / np.linalg.norm(way, axis=1, keepdims=True)
+    _write(replace(scene, world_from_cam=poses), folder)
+
+
+def raised_slab(folder: Path, dose: float, _rng: np.random.Generator) -> None:
+    """Raise the layer between ground and roofs by so many times its thickness."""
+    scene = read(folder / SCENE_ZARR)
+    up = dose * (scene.slab.high - scene.slab.low)
+    slab = replace(scene.slab, low=scene.slab.low + up, high=scene.slab.high + up)
+    _write(replace(scene, slab=slab), folder)
+
+
+def raised_scaffold(folder: Path, dose: float, _rng: np.random.Generator) -> None:
+    """Bring the scaffold of every view nearer, by so many times the slab's thickness along the camera's z."""
+    scene = read(folder / SCENE_ZARR)
+    nearer = scene.scaffold.astype(float) - dose * (scene.slab.high - scene.slab.low)
+    kept = (scene.scaffold > 0) & (nearer > 0)
+    _write(replace(scene, scaffold=np.where(kept, nearer, 0).astype(np.float16)), folder)
+
+
+def torn_scaffold(folder: Path, dose: float, rng: np.random.Generator) -> None:
+    """Take this share of the scaffold of every view away, in round places."""
+    scene = read(folder / SCENE_ZARR)
+    y, x = np.mgrid[: scene.height_px, : scene.width_px]
+    scaffold = scene.scaffold.copy()
+    for depth in scaffold:
+        middles = rng.random((20, 2)) * depth.shape
+        order = np.min([np.hypot(y - v, x - u) for v, u in middles], axis=0)  # how early a pixel is lost
+        depth.ravel()[np.argsort(order, axis=None)[: round(dose * order.size)]] = 0
+    _write(replace(scene, scaffold=scaffold), folder)
 
 
 def _write(scene: Scene, folder: Path) -> None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from aug3d_core.studies.stability.learning_world import LEARNING_TOWN, MANY_PHOTOS
+from aug3d_core.studies.stability.learning_world import LEARNING_TOWN, MANY_PHOTOS, PIXELNERF
 from aug3d_core.studies.stability.perturbation import Damage, InFactory, Judge, Overrides, Perturbation, no_settings
 
 _PLACED = "aug3d_core.studies.stability.damages.placed"
 _PACKED = "aug3d_core.studies.stability.damages.packed"
 _PART = "Training and test"
 _SEEDED = ("training.seed",)
-_RATE = 3e-3  # the preset's
+_SWEEP, _ALONE, _NERF = "plane sweep", "plane sweep without scaffold", "PixelNeRF"
+NO_SCAFFOLD = ("training.head.scaffold=false",)
+_BOTH = {_SWEEP: (), _NERF: PIXELNERF}
+_RATE = 2e-3  # the preset's
 
 ABOVE_ONE_COLOUR = Judge(
     "test_psnr_mean",
@@ -43,26 +46,26 @@ PERTURBATIONS = (
     Perturbation(
         "learning rate too high",
         _PART,
-        "The network learns at so many times the preset's rate.",
+        "The network learns at so many times the rate that the preset has for the plane sweep.",
         "times",
         (1, 3, 10, 33),
         ABOVE_ONE_COLOUR,
         _learns(_rate),
         {
-            "blends input pixels": (),
-            "makes colours up": ("training.head.blend_inputs=false",),
-            "density by relu": ("training.head.density=relu",),
+            **_BOTH,
+            "PixelNeRF that makes colours up": (*PIXELNERF, "training.head.blend_inputs=false"),
+            "PixelNeRF with density by relu": (*PIXELNERF, "training.head.density=relu"),
         },
     ),
     Perturbation(
         "learning rate too low",
         _PART,
-        "The network learns at this share of the preset's rate.",
+        "The network learns at this share of the rate that the preset has for the plane sweep.",
         "times",
         (1, 0.1, 0.01, 0.001),
         ABOVE_ONE_COLOUR,
         _learns(_rate),
-        {"blends input pixels": (), "makes colours up": ("training.head.blend_inputs=false",)},
+        _BOTH,
     ),
     Perturbation(
         "near and far too close",
@@ -72,7 +75,7 @@ PERTURBATIONS = (
         (1, 0.8, 0.5, 0.2),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:bounds_times")),
-        {"cut to the slab": (), "between near and far": ("training.head.slab_bounds=false",)},
+        {**_BOTH, "PixelNeRF between near and far": (*PIXELNERF, "training.head.slab_bounds=false")},
     ),
     Perturbation(
         "near and far too far",
@@ -82,7 +85,7 @@ PERTURBATIONS = (
         (1, 1.25, 2, 5),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:bounds_times")),
-        {"cut to the slab": (), "between near and far": ("training.head.slab_bounds=false",)},
+        {**_BOTH, "PixelNeRF between near and far": (*PIXELNERF, "training.head.slab_bounds=false")},
     ),
     Perturbation(
         "unit of the world",
@@ -101,7 +104,14 @@ PERTURBATIONS = (
         (0, 0.25, 0.5, 1),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:unrelated")),
-        {"sees pixels": (), "as in the paper": ("training.head.see_pixels=false", "training.head.blend_inputs=false")},
+        {
+            **_BOTH,
+            "PixelNeRF as in the paper": (
+                *PIXELNERF,
+                "training.head.see_pixels=false",
+                "training.head.blend_inputs=false",
+            ),
+        },
     ),
     Perturbation(
         "training in the dark",
@@ -111,7 +121,57 @@ PERTURBATIONS = (
         (1, 2, 4, 8),
         ABOVE_ONE_COLOUR,
         _learns(damage=Damage("dataset", f"{_PACKED}:darker_training")),
-        {"all groups at one exposure": (), "colours as they are": ("training.head.even_exposure=false",)},
+        {**_BOTH, "PixelNeRF with colours as they are": (*PIXELNERF, "training.head.even_exposure=false")},
+    ),
+    Perturbation(
+        "bright inputs",
+        _PART,
+        "The views that the test predicts from are so many times as bright as the photographs that it is held against.",
+        "times",
+        (1, 1.25, 1.6, 2.5),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:brighter_inputs")),
+        _BOTH,
+    ),
+    Perturbation(
+        "wrong poses in the test",
+        _PART,
+        "The views that the test predicts from stand so far off where they are said to be, in parts of the height of flight.",
+        "heights",
+        (0, 0.003, 0.01, 0.03, 0.1),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:shifted_inputs")),
+        _BOTH,
+    ),
+    Perturbation(
+        "wrong slab",
+        _PART,
+        "The layer between ground and roofs is said to lie so many times its thickness higher.",
+        "thicknesses",
+        (0, 0.25, 0.5, 1, 2),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:raised_slab")),
+        {**_BOTH, _ALONE: NO_SCAFFOLD},
+    ),
+    Perturbation(
+        "wrong scaffold",
+        _PART,
+        "The depth that a prediction starts from lies so many times the slab's thickness too high.",
+        "thicknesses",
+        (0, 0.05, 0.1, 0.25, 0.5),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:raised_scaffold")),
+        {_SWEEP: (), _ALONE: NO_SCAFFOLD},
+    ),
+    Perturbation(
+        "holes in the scaffold",
+        _PART,
+        "This share of the depth that a prediction starts from is missing, in round places.",
+        "share",
+        (0, 0.1, 0.3, 0.6, 1),
+        ABOVE_ONE_COLOUR,
+        _learns(damage=Damage("dataset", f"{_PACKED}:torn_scaffold")),
+        {_SWEEP: (), _ALONE: NO_SCAFFOLD},
     ),
     Perturbation(
         "few input views",
@@ -121,5 +181,6 @@ PERTURBATIONS = (
         (9, 5, 3, 2, 1),
         ABOVE_ONE_COLOUR,
         _learns(_inputs, world=MANY_PHOTOS),
+        _BOTH,
     ),
 )
