@@ -17,7 +17,11 @@ from aug3d_core.run.errors import InputError
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a step is to see. pixels: of each group's targets; None for whole images. rendered_share: of the groups."""
+    """What a step is to see.
+
+    input_views: of each group at most; the smallest group keeps a target. pixels: of each group's targets; None for whole
+    images. rendered_share: of the groups.
+    """
 
     groups: int
     input_views: int
@@ -45,17 +49,20 @@ def check_groups(scenes: Sequence[Scene], wanted: Wanted) -> None:
         if not sets:
             raise InputError("the data set has no training group", "give the scene more photographs that overlap")
         for name in sets:
-            members = scene.groups[name].shape[1]
-            if wanted.input_views >= members:
-                raise InputError(
-                    f"input_views = {wanted.input_views} leaves no target in the {members} members of groups/{name}",
-                    f"set input_views below {members}, or group more views together",
-                )
+            if scene.groups[name].shape[1] < 2:
+                raise InputError(f"groups/{name} has groups of one view", "group more views together (grouping.k)")
+
+
+def given_views(scenes: Sequence[Scene], wanted: Wanted) -> int:
+    """Return how many inputs every group is given: as many as wanted, or all but one of the smallest group."""
+    members = [scene.groups[name].shape[1] for scene in scenes for name in _sets(scene, wanted)]
+    return min(wanted.input_views, min(members) - 1)
 
 
 def draw(scenes: Sequence[Scene], wanted: Wanted, rng: np.random.Generator) -> tuple[Group, ...]:
     """Draw the groups of a training step; each scene is as likely as any other."""
-    drawn = [_draw_group(scenes, wanted, rng) for _ in range(wanted.groups)]
+    given = given_views(scenes, wanted)
+    drawn = [_draw_group(scenes, wanted, given, rng) for _ in range(wanted.groups)]
     if wanted.pixels is None:
         return tuple(Group(number, inputs, targets) for number, inputs, targets, _ in drawn)
     widths = [scenes[number].width_px for number, *_ in drawn]
@@ -77,7 +84,7 @@ def pixel_colours(
 
 
 def _draw_group(
-    scenes: Sequence[Scene], wanted: Wanted, rng: np.random.Generator
+    scenes: Sequence[Scene], wanted: Wanted, given: int, rng: np.random.Generator
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """Return the scene, inputs, targets, and the target of each pixel (none for whole images)."""
     number = int(rng.integers(len(scenes)))
@@ -86,7 +93,7 @@ def _draw_group(
     shares = [wanted.rendered_share if name == "rendered" else 1 - wanted.rendered_share for name in sets]
     groups = scene.groups[sets[rng.choice(len(sets), p=np.array(shares if len(sets) > 1 else [1.0]))]]
     order = rng.permutation(groups[rng.integers(len(groups))])
-    inputs, targets = order[: wanted.input_views], order[wanted.input_views :]
+    inputs, targets = order[:given], order[given:]
     return number, inputs, targets, rng.choice(targets, wanted.pixels or 0)
 
 

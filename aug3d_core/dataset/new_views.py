@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.ndimage import grey_opening
 
 from aug3d_core.dataset.bounds import depths_in, near_far
-from aug3d_core.dataset.projection import ground_points
+from aug3d_core.dataset.projection import ground_points, project, shows
+from aug3d_core.dataset.rays import pixel_rays
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, VIEW_ARRAYS, Scene
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.run.errors import InputError
@@ -44,6 +46,32 @@ def with_views(
         rows = known[name] if name in known else np.zeros((count, *array.shape[1:]))
         longer[name] = np.concatenate([array, rows.astype(array.dtype)])
     return replace(scene, **longer), len(scene) + np.arange(count)
+
+
+def with_scaffold(scene: Scene, rows: Int[np.ndarray, " f"], inputs: Int[np.ndarray, " v"]) -> Scene:
+    """Give views a scaffold: what the scaffolds of their inputs show, seen from there; 0 where none shows anything.
+
+    Each pixel of an input is one point. Gaps between points, one or two pixels wide, are closed with what lies nearest.
+    """
+    scaffold = scene.scaffold.copy()
+    points = np.concatenate([_scaffold_points(scene, int(view)) for view in inputs])
+    for row in rows:
+        depth = np.full((scene.height_px, scene.width_px), np.inf)
+        shown = points[shows(scene, int(row), points)]
+        x, y = np.minimum(project(scene, int(row), shown)[0], [scene.width_px - 1, scene.height_px - 1]).astype(int).T
+        along = (shown - scene.world_from_cam[row, :3, 3]) @ scene.world_from_cam[row, :3, 2]
+        np.minimum.at(depth, (y, x), along)
+        closed = grey_opening(depth, size=3)
+        scaffold[row] = np.where(np.isfinite(closed), closed, 0)
+    return replace(scene, scaffold=scaffold)
+
+
+def _scaffold_points(scene: Scene, view: int) -> Float[np.ndarray, "p 3"]:
+    """Return the point of each pixel of a view that has a scaffold."""
+    y, x = np.nonzero(scene.scaffold[view])
+    rays = pixel_rays(scene, np.full(len(x), view), np.stack([x, y], axis=1) + 0.5, slab_bounds=False)
+    depth = scene.scaffold[view, y, x].astype(float)
+    return rays.origins + depth[:, None] * rays.directions
 
 
 def only(scene: Scene, views: Int[np.ndarray, " v"]) -> Scene:

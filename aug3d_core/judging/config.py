@@ -18,13 +18,13 @@ class EvaluationConfig(StageConfig):
         default=6, ge=0, le=1000, description="Test views drawn as panels, evenly from best to worst [views]."
     )
     flythrough_frames: int = Field(
-        default=16, ge=0, le=1000, description="Frames of a short flight rendered by the model (0: none) [frames]."
+        default=24, ge=0, le=1000, description="Frames of a short flight rendered by the model (0: none) [frames]."
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the bootstrap.")
 
 
 PRESETS: dict[str, EvaluationConfig] = {
     "tiny": EvaluationConfig(),
-    "small": EvaluationConfig(panels=12, flythrough_frames=32),
-    "paper": EvaluationConfig(panels=24, flythrough_frames=64),
+    "small": EvaluationConfig(panels=12, flythrough_frames=48),
+    "paper": EvaluationConfig(panels=24, flythrough_frames=96),
 }

@@ -6,13 +6,10 @@ through, so this is for the eye; it enters no score.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from jaxtyping import Float, Int, UInt8
-from PIL import Image
 
-from aug3d_core.dataset.new_views import facing, only, with_views
+from aug3d_core.dataset.new_views import facing, only, with_scaffold, with_views
 from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.head import Head, View
@@ -21,7 +18,7 @@ from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.panels import depth_colours, grid
 
 REACH = 0.5  # radius of the flight, share of the middle distance from the test camera to its inputs
-FRAME_MS = 120
+FRAMES_PER_SECOND = 8
 
 
 def fly(
@@ -32,6 +29,7 @@ def fly(
     poses = around(scene, target, inputs, config.flythrough_frames)
     seen = np.arange(len(inputs))
     small, frames = with_views(only(scene, inputs), poses, intrinsics, seen)
+    small = with_scaffold(small, frames, seen)
     views = [head.predict(small, int(frame), seen) for frame in frames]
     depths = [one.depth for one in views if one.depth is not None]
     bounds = (
@@ -56,9 +54,3 @@ def around(scene: Scene, target: int, inputs: Int[np.ndarray, " v"], frames: int
     turn = np.linspace(0, 2 * np.pi, frames, endpoint=False)
     eyes = eye + radius * (np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * down)
     return np.stack([facing(place, spot, -down) for place in eyes])
-
-
-def save(frames: list[UInt8[np.ndarray, "H W 3"]], path: Path) -> None:
-    """Write an animation that repeats for ever."""
-    first, *others = [Image.fromarray(frame) for frame in frames]
-    first.save(path, save_all=True, append_images=others, duration=FRAME_MS, loop=0, quality=80, method=4)

@@ -16,10 +16,10 @@ from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads import saved
 from aug3d_core.heads.head import Head, View
-from aug3d_core.judging import flythrough, panels
+from aug3d_core.judging import flythrough, panels, video
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
-from aug3d_core.judging.files import CONVENTIONS, FLYTHROUGH, PANELS, TEST_VIEWS
+from aug3d_core.judging.files import COMPARED, CONVENTIONS, FLYTHROUGH, PANELS, TEST_VIEWS, prediction_of, truth_of
 from aug3d_core.judging.scores import evaluate
 from aug3d_core.judging.summary import CHEAP, summary
 from aug3d_core.photos.files import image_name
@@ -85,7 +85,7 @@ def _fly(head: Head, scene: Scene, config: EvaluationConfig, table: pd.DataFrame
     row = ranked.iloc[(len(ranked) - 1) // 2]
     target, *support = scene.groups["test"][int(row["group"])]
     frames = flythrough.fly(head, scene, int(target), np.array(support[: config.input_views]), config)
-    flythrough.save(frames, out / FLYTHROUGH)
+    video.save(frames, out / FLYTHROUGH, flythrough.FRAMES_PER_SECOND)
     return {f"Flight around photo {row['photo_id']:.0f} ({row['psnr']:.1f} dB, the middle one)": FLYTHROUGH}
 
 
@@ -97,15 +97,19 @@ def _draw(
     out: Path,
 ) -> dict[str, str]:
     """Draw panels evenly from the best to the worst view; return their captions and paths."""
-    (out / PANELS).mkdir(exist_ok=True)
+    for folder in (PANELS, COMPARED):
+        (out / folder).mkdir(exist_ok=True)
     ranked = table.sort_values(["psnr", "group"], ascending=[False, True])
     chosen = ranked.iloc[np.unique(np.linspace(0, len(ranked) - 1, config.panels).round().astype(int))]
     pictures, shown = {"Test views, best first": f"{PANELS}/{SUMMARY}"}, []
     for row in chosen.to_dict("records"):
         members = scene.groups["test"][row["group"]]
         one = (int(members[0]), members[1 : 1 + config.input_views], *kept[row["group"]], row)
-        name = f"{PANELS}/{image_name(int(row['photo_id']))}"
+        photo = image_name(int(row["photo_id"]))
+        name = f"{PANELS}/{photo}"
         panels.save(panels.panel(scene, *one), out / name)
+        panels.save(kept[row["group"]][0].colour, out / prediction_of(photo))
+        panels.save(scene.images[members[0]], out / truth_of(photo))
         pictures[f"Photo {row['photo_id']}: {row['psnr']:.1f} dB"] = name
         shown.append(one)
     panels.save(panels.summary_panel(scene, shown), out / PANELS / SUMMARY)

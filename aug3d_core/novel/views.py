@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from aug3d_core.dataset.new_views import facing, shown_by_none, with_views
+from aug3d_core.dataset.new_views import facing, shown_by_none, with_scaffold, with_views
 from aug3d_core.dataset.projection import ground_points, middle_ground, shows
 from aug3d_core.dataset.scene import REAL, Scene
 from aug3d_core.geometry.transforms import homogeneous, invert, look_at
@@ -51,6 +51,7 @@ def novel_view(scene: Scene, config: PredictionConfig) -> NovelView:
     seen_from = inputs if len(inputs) else photos
     wider, (target,) = with_views(scene, pose[None], intrinsics, seen_from)
     inputs = inputs if len(inputs) else most_alike(wider, target, photos)[: config.input_views]
+    wider = with_scaffold(wider, np.array([target]), inputs)
     return NovelView(wider, int(target), inputs, _ground_seen_share(wider, target, inputs))
 
 

@@ -77,7 +77,29 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numeric: Iterable
 
 
 def picture(path: Path, caption: str, longest_px: int = PICTURE_PX) -> str:
-    """Return a figure with the picture embedded; animations (WebP) stay animated."""
+    """Return a figure with the picture embedded; a film (WebM) is played over and over, and animations stay animated."""
+    if path.suffix == ".webm":
+        film = tag(
+            "video", src=data_uri("video/webm", path.read_bytes()), controls="", loop="", autoplay="", muted="",
+            playsinline="", title=caption,
+        )  # fmt: skip
+        return tag("figure", film + tag("figcaption", escape(caption)))
+    image_tag = _image(path, caption, longest_px)
+    return tag("figure", image_tag + tag("figcaption", escape(caption)))
+
+
+def slider(above: Path, below: Path, caption: str, of_above: str, of_below: str) -> str:
+    """Return a figure of two pictures of one size, of which a slider shows the left of one and the right of the other.
+
+    The page needs the script of the report; without it both halves stay as wide.
+    """
+    handle = f'<input type="range" min="0" max="100" value="50" aria-label="{escape(caption)}">'
+    named = tag("span", escape(of_above), class_="left") + tag("span", escape(of_below), class_="right")
+    both = _image(below, of_below, PICTURE_PX) + _image(above, of_above, PICTURE_PX)
+    return tag("figure", tag("div", both + named + handle, class_="slider") + tag("figcaption", escape(caption)))
+
+
+def _image(path: Path, caption: str, longest_px: int) -> str:
     with Image.open(path) as image:
         image.load()
         moves, small = getattr(image, "is_animated", False), path.stat().st_size <= KEEP_BYTES
@@ -88,12 +110,10 @@ def picture(path: Path, caption: str, longest_px: int = PICTURE_PX) -> str:
             copy.thumbnail((longest_px, longest_px))
             kind, data, size = "webp", encoded(copy, "WEBP", quality=WEBP_QUALITY), copy.size
     width, height = map(str, size)  # given, so that the layout does not jump while it is decoded
-    image_tag = (
-        f'<img src="{data_uri(kind, data)}" alt="{escape(caption)}" width="{width}" height="{height}" decoding="async">'
-    )
-    return tag("figure", image_tag + tag("figcaption", escape(caption)))
+    source = data_uri(f"image/{kind}", data)
+    return f'<img src="{source}" alt="{escape(caption)}" width="{width}" height="{height}" decoding="async">'
 
 
 def data_uri(kind: str, data: bytes) -> str:
-    """Return a picture as a data URI."""
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    """Return data of a media type as a URI."""
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

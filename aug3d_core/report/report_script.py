@@ -1,7 +1,8 @@
 """The report's few lines of script. Without them nothing is lost but comfort.
 
 A click on a picture shows it as large as the window, another one at its own size. A click on a camera of the map shows a
-group that it is in, the next click its next group, and after the last one all cameras again.
+group that it is in, the next click its next group, and after the last one all cameras again. A slider over two pictures
+moves the line between them.
 """
 
 SCRIPT = """
@@ -10,7 +11,7 @@ const shut = document.createElement('button');
 shut.textContent = '\u00d7';
 shut.ariaLabel = 'Close';
 shut.onclick = () => dialog.close();
-for (const image of document.querySelectorAll('figure img')) {
+for (const image of document.querySelectorAll('figure > img')) {
   image.tabIndex = 0;
   image.setAttribute('role', 'button');
   const enlarge = () => {
@@ -23,6 +24,10 @@ for (const image of document.querySelectorAll('figure img')) {
   image.onkeydown = (event) => { if (event.key === 'Enter') enlarge(); };
 }
 dialog.onclick = (event) => { if (event.target === dialog) dialog.close(); };
+
+for (const handle of document.querySelectorAll('.slider input')) {
+  handle.oninput = () => handle.parentNode.style.setProperty('--at', `${handle.value}%`);
+}
 
 for (const map of document.querySelectorAll('.drawing')) {
   const groups = JSON.parse(map.dataset.groups);

@@ -48,6 +48,17 @@ td .share{display:inline-block;height:8px;border-radius:4px;background:var(--mai
 .pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,400px),1fr));gap:16px;align-items:start}
 figure{margin:0}
 img{width:100%;height:auto;max-height:620px;object-fit:contain;object-position:left top;display:block;border-radius:6px}
+video{width:100%;height:auto;display:block;border-radius:6px}
+.slider{position:relative;--at:50%}
+.slider img{border-radius:0;max-height:none}
+.slider img+img{position:absolute;inset:0;clip-path:inset(0 calc(100% - var(--at)) 0 0)}
+.slider input{position:absolute;inset:0;width:100%;height:100%;margin:0;opacity:0;cursor:ew-resize}
+.slider input:focus-visible{opacity:.35}
+.slider::after{content:"";position:absolute;top:0;bottom:0;left:var(--at);width:2px;margin-left:-1px;background:#fff;
+pointer-events:none}
+.slider span{position:absolute;top:6px;background:#0009;color:#fff;font-size:.78rem;padding:1px 7px;border-radius:9px;
+pointer-events:none}
+.slider .left{left:6px}.slider .right{right:6px}
 figcaption{font-size:.86rem;color:var(--dim);margin-top:5px}
 details{margin-top:8px}
 summary{cursor:pointer;color:var(--dim);font-size:.92rem}

@@ -96,7 +96,9 @@ def _page(run: ReportedRun, sections: Mapping[str, str]) -> str:
     )
     digest = base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()
     # Nothing is loaded and no other script runs, whatever a file name or a note contains
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    policy = (
+        f"default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    )
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">' + tag("style", REPORT_STYLE)
     content = headline(run) + tag("nav", links, aria_label="Contents") + body
     return page(f"{run.metrics['scene']} - aug3d", content, head, f"{tag('dialog', '')}<script>{SCRIPT}</script>")

@@ -100,7 +100,7 @@ def round_numbers(low: float, high: float, wanted: int = 4) -> list[float]:
 
 def raster(size: tuple[int, int], image: Image.Image, kind: str, **options: int) -> str:
     """Return a picture that fills a drawing of this size; it is a file of this kind inside the page."""
-    address = data_uri(kind.lower(), encoded(image, kind, **options))
+    address = data_uri(f"image/{kind.lower()}", encoded(image, kind, **options))
     return f'<image href="{address}" width="{size[0]}" height="{size[1]}" preserveAspectRatio="none"/>'
 
 

@@ -19,7 +19,9 @@ class TrainingConfig(StageConfig):
         description="The model, by its name, and its settings.",
     )
     # What a step sees
-    input_views: int = Field(default=3, ge=1, le=16, description="Views of each group that the model is given [views].")
+    input_views: int = Field(
+        default=3, ge=1, le=16, description="Views of each group that the model is given, at most [views]."
+    )
     rendered_share: float = Field(
         default=0.5,
         ge=0,

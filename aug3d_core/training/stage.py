@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import torch
 
+from aug3d_core.dataset.batches import given_views
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
@@ -43,7 +44,8 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
     with gathered(
         fitting_size(config.groups_per_step, torch.cuda.device_count()), _follow, stores, config, checkpoints
     ) as team:
-        trained = train(read_all(stores), config, checkpoints, report, team)
+        scenes = read_all(stores)
+        trained = train(scenes, config, checkpoints, report, team)
     saved.save(trained.head, out)
     curve = curve_of(trained)
     curve.to_parquet(out / CURVE, index=False)
@@ -53,7 +55,12 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
     return Outcome(
         metrics=metrics,
         state="degraded" if collapsed else "ok",
-        notes=(*trained.start.notes, *_restarts(trained, config), *((NOT_LEARNED,) if collapsed else ())),
+        notes=(
+            *trained.start.notes,
+            *_fewer(scenes, config),
+            *_restarts(trained, config),
+            *((NOT_LEARNED,) if collapsed else ()),
+        ),
         series={
             name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]
         },
@@ -82,6 +89,12 @@ def _metrics(run: Run, config: TrainingConfig) -> dict[str, Metric]:
         "parameters": sum(p.numel() for p in run.head.parameters()),
         **run.start.metrics,
     }
+
+
+def _fewer(scenes: Sequence[Scene], config: TrainingConfig) -> list[str]:
+    given = given_views(scenes, config.wanted)
+    told = f"the smallest group has {given + 1} views: {given} of each were given, not {config.input_views}"
+    return [told] if given < config.input_views else []
 
 
 def _restarts(run: Run, config: TrainingConfig) -> list[str]:

@@ -81,9 +81,19 @@ def test_holes_of_a_render_weigh_nothing(scene):
     assert (pixel_colours(holes, drawn([holes], count=1)[0].pixels)[1] == 0).all()
 
 
-def test_more_inputs_than_members_is_refused(scene):
-    with pytest.raises(InputError, match="input_views = 6 leaves no target in the 6 members of groups/real"):
-        check_groups([scene], replace(WANTED, input_views=6))
+def test_groups_smaller_than_wanted_give_all_but_one(scene):
+    few = replace(scene, groups=scene.groups | {"real": scene.groups["real"][:, :3]})
+    for scenes, given in (([scene], 5), ([scene, few], 2)):
+        check_groups(scenes, replace(WANTED, input_views=9))
+        found = draw(scenes, replace(WANTED, input_views=9, groups=30), np.random.default_rng(0))
+        assert {len(group.inputs) for group in found} == {given}, "groups of one step stand in one array"
+        assert all(len(group.targets) for group in found)
+
+
+def test_groups_of_one_view_are_refused(scene):
+    lone = replace(scene, groups=scene.groups | {"real": scene.groups["real"][:, :1]})
+    with pytest.raises(InputError, match="groups/real has groups of one view"):
+        check_groups([lone], WANTED)
 
 
 def test_no_group_at_all_is_refused(scene):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 from PIL import Image
 
-from aug3d_core.report.html import duration, number, percent, picture, spaced, table, tag
+from aug3d_core.report.html import duration, number, percent, picture, slider, spaced, table, tag
 
 
 def test_text_is_escaped_where_it_must_be():
@@ -45,6 +45,21 @@ def test_an_animation_keeps_moving(tmp_path):
     data = page.partition("data:image/webp;base64,")[2].partition('"')[0]
     with Image.open(io.BytesIO(base64.b64decode(data))) as again:
         assert getattr(again, "n_frames", 1) == 2
+
+
+def test_a_film_plays_inside_the_page_and_its_name_is_escaped(tmp_path):
+    (tmp_path / "a.webm").write_bytes(b"film")
+    page = picture(tmp_path / "a.webm", 'a "flight"')
+    assert '<video src="data:video/webm;base64,ZmlsbQ=="' in page and 'title="a &quot;flight&quot;"' in page
+    assert {"loop", "muted", "controls"} <= set(page.replace('=""', "").split())
+
+
+def test_a_slider_lies_over_two_pictures(tmp_path):
+    for name, shade in (("a", 0), ("b", 200)):
+        Image.new("RGB", (8, 6), (shade, 30, 30)).save(tmp_path / f"{name}.png")
+    page = slider(tmp_path / "a.png", tmp_path / "b.png", "photo <1>", "predicted", "photograph")
+    assert page.index('alt="photograph"') < page.index('alt="predicted"'), "what is above comes last"
+    assert page.count("data:image/png") == 2 and "photo &lt;1&gt;" in page and 'type="range"' in page
 
 
 def test_a_share_is_never_told_as_nothing_when_it_is_little():

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from aug3d_core.heads.config import title_of
-from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS
+from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS, prediction_of, truth_of
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.metrics.pooled import test_views
-from aug3d_core.report.html import number, spaced, table, tag
+from aug3d_core.photos.files import image_name
+from aug3d_core.report.html import number, slider, spaced, table, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.svg import curve
 
@@ -53,10 +54,26 @@ def test(run: ReportedRun) -> str:
     head = title_of(run.metrics.get("nvs", {}).get("head"))
     return (
         _groups(views, rules, head)
+        + _compared(tests, views)
         + _photos(run, views, head)
         + tag("h3", "Panels: inputs, photograph, prediction, depth, error, cheap answers")
         + tag("div", panels, class_="card pictures panels")
     )
+
+
+def _compared(tests: list[ReportedRun], views: pd.DataFrame) -> str:
+    """Return a slider between prediction and photograph for each held-out photograph that was drawn, best first."""
+    drawn = []
+    for row in views.sort_values("psnr", ascending=False).to_dict("records"):
+        each, photo = tests[int(row["fold"])], image_name(int(row["photo_id"]))
+        predicted, true = (each.file("evaluation", name) for name in (prediction_of(photo), truth_of(photo)))
+        if predicted and true:
+            caption = f"{each.called(int(row['photo_id']))}: {row['psnr']:.1f} dB"
+            drawn.append(slider(predicted, true, caption, "predicted", "photograph"))
+    if not drawn:
+        return ""
+    heading = tag("h3", "Prediction against photograph: move the line")
+    return heading + tag("div", "".join(drawn), class_="card pictures")
 
 
 def _answers(views: pd.DataFrame) -> list[str]:

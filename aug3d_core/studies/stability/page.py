@@ -123,7 +123,7 @@ def _paper(found: StabilityFindings) -> Iterable[str]:
         return
     yield tag("h2", "The paper's edge cases of grouping, with numbers")
     caption = "Members that see almost nothing of their group's centre, by dose; bands: all seeds"
-    shown = f'<img src="{data_uri("png", chart.getvalue())}" alt="{escape(caption)}">'
+    shown = f'<img src="{data_uri("image/png", chart.getvalue())}" alt="{escape(caption)}">'
     said = "".join(tag("li", escape(sentence)) for sentence in edge_story.sentences(found))
     yield tag("div", tag("figure", shown + tag("figcaption", escape(caption))) + tag("ul", said), class_="card")
 
