@@ -106,6 +106,7 @@ def _study(
     as_json: bool,
 ) -> None:
     from aug3d_core.bench.machine import describe_machine
+    from aug3d_core.studies.paper.arm import fitting
     from aug3d_core.studies.paper.effort import repeats, study_effort
     from aug3d_core.studies.paper.findings import findings
     from aug3d_core.studies.paper.page import publication
@@ -114,7 +115,7 @@ def _study(
 
     with typed_errors(as_json), using(home) as store:
         opened = study_effort(open_finished(store, scene, preset), quick, overrides)
-        table, runs, console = table_of(quick), repeats(seeds, quick), Console(stderr=True)
+        table, runs, console = fitting(table_of(quick), opened.settings), repeats(seeds, quick), Console(stderr=True)
         watch = Watch(console, len(table.arms) * runs * opened.folds, _outcome)
         results = carry_out(
             store,

@@ -20,6 +20,7 @@ from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import Result, make_cells
 from aug3d_core.studies.common.publication import Publication
 from aug3d_core.studies.common.write import write_study
+from aug3d_core.studies.paper.arm import fitting
 from aug3d_core.studies.paper.augmentation import augmentation_table
 from aug3d_core.studies.paper.effort import repeats, study_effort
 from aug3d_core.studies.paper.findings import findings as paper_findings
@@ -68,8 +69,8 @@ def study_scene(
 ) -> State:
     """Make and judge a finished scene in several ways, with intervals. Outputs in the store are reused."""
     with _working() as (store, make):
-        table, runs = _TABLES[study](quick), repeats(seeds, quick)
         opened = study_effort(open_finished(store, scene, None), quick, ())
+        table, runs = fitting(_TABLES[study](quick), opened.settings), repeats(seeds, quick)
         results = make_table(store, table, opened, runs, make, _done)
         found = paper_findings(table, opened, runs, results, describe_machine())
         message = _published(store, paper_publication(found))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from aug3d_core.factory.config import SceneConfig
+from aug3d_core.run.nested import flat
 
 
 @dataclass(frozen=True)
@@ -55,3 +58,13 @@ class PaperTable:
 def nothing_more(_judged: Mapping[str, tuple[float, float]]) -> Sequence[PaperArm]:
     """Add no arms."""
     return ()
+
+
+def fitting(table: PaperTable, config: SceneConfig) -> PaperTable:
+    """Return a table without the arms that set what a scene's head does not have."""
+    there = flat(config.model_dump())
+    arms = tuple(arm for arm in table.arms if all(one.partition("=")[0] in there for one in arm.settings))
+    left = {arm.name for arm in arms}
+    asked = tuple(o for o in table.orderings if all(name in left for pair in o.pairs for name in pair))
+    dropped = len(arms) < len(table.arms)  # an ordering may also be of arms that come later
+    return replace(table, arms=arms, orderings=asked if dropped else table.orderings)

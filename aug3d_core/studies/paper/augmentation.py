@@ -6,6 +6,8 @@ differ in one thing only. Training draws a virtual group with the share that vir
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from aug3d_core.studies.paper.arm import Ordering, PaperArm, PaperTable, nothing_more
 
 SIZES = ("20", "10", "auto")
@@ -13,6 +15,7 @@ PLACED = {"grid": "grid", "semantic": "buildings", "spiral": "spiral"}  # the pa
 SHARES_PCT = (0, 25, 50, 100, 200)
 _DATA, _SHARES = "Real photographs, virtual views, and both", "How many virtual views (real + grid, K 10)"
 _SWEPT = "10"
+_DEPTHS_AT, _DEPTHS_OF = ("20", "10"), ("real", "real + grid")  # where the same is tried without depth
 
 
 def augmentation_table(quick: bool) -> PaperTable:
@@ -22,6 +25,10 @@ def augmentation_table(quick: bool) -> PaperTable:
         "real", "grid", "semantic", "real + grid", "real + semantic", "real + spiral",
     )  # fmt: skip
     arms = [_trained_on(name, k) for k in sizes for name in data]
+    if not quick:
+        arms += [
+            _without_depth(arm) for arm in arms if arm.labels["K"] in _DEPTHS_AT and arm.labels["data"] in _DEPTHS_OF
+        ]
     shares = (0, 100) if quick else SHARES_PCT
     arms += [_swept(share) for share in shares]
     return PaperTable(
@@ -31,6 +38,13 @@ def augmentation_table(quick: bool) -> PaperTable:
         nothing_more,
         _orderings(sizes, data),
     )
+
+
+def _without_depth(arm: PaperArm) -> PaperArm:
+    """Return an arm whose model is taught colours alone; heads that are taught no depth have none."""
+    labels = {**arm.labels, "data": f"{arm.labels['data']}, no depth taught"}
+    name = key(labels["data"], labels["K"])
+    return replace(arm, name=name, labels=labels, settings=(*arm.settings, "training.head.depth_weight=0"))
 
 
 def key(data: str, k: str) -> str:
@@ -91,6 +105,15 @@ def _orderings(sizes: tuple[str, ...], data: tuple[str, ...]) -> tuple[Ordering,
         if "real + semantic" in data
     ]
     if {"10", "20"} <= set(sizes):
+        found += [
+            Ordering(
+                f"{data.capitalize()} is better where depth is taught (K {k})",
+                ((key(data, k), key(f"{data}, no depth taught", k)),),
+                paper=False,
+            )
+            for data in _DEPTHS_OF
+            for k in _DEPTHS_AT
+        ]
         found.append(
             Ordering(
                 "Real alone at K 10 is better than real + grid or real + semantic at K 20",

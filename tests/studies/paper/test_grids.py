@@ -6,7 +6,7 @@ import pytest
 
 from aug3d_core.factory.config import overridden, scene_config
 from aug3d_core.studies.paper import augmentation, grouping
-from aug3d_core.studies.paper.arm import PaperArm, PaperTable
+from aug3d_core.studies.paper.arm import PaperArm, PaperTable, fitting
 from aug3d_core.studies.paper.augmentation import augmentation_table
 from aug3d_core.studies.paper.grouping import grouping_table
 
@@ -48,6 +48,16 @@ def test_arms_are_settings_that_there_are_and_comparisons_are_of_arms_that_there
         assert arm.against in keys
     for ordering in study.orderings:
         assert {key for pair in ordering.pairs for key in pair} <= set(keys), ordering.claim
+
+
+def test_depth_is_left_out_where_the_model_is_taught_any() -> None:
+    table = augmentation_table(False)
+    swept, rays = (fitting(table, scene_config("tiny", [f"training.head={name}"])) for name in ("sweep", "pixelnerf"))
+    dropped = {arm.name for arm in swept.arms} - {arm.name for arm in rays.arms}
+    assert dropped == {f"{data}, no depth taught, K {k}" for data in ("real", "real + grid") for k in (20, 10)}
+    assert swept == table and len(rays.orderings) == len(table.orderings) - 4
+    grouped = grouping_table(False)
+    assert fitting(grouped, scene_config("paper")) == grouped
 
 
 def test_what_is_the_same_is_made_once() -> None:
