@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from aug3d_core.dataset.scene import Scene
+from aug3d_core.judging.inputs import RULE
 
 BEST_DB = 100.0  # PSNR of an exact answer, which has no PSNR
 PEAK = 255
@@ -33,6 +34,7 @@ def conventions(scene: Scene) -> dict[str, Any]:
     return {
         "photographs": scene.attributes.get("conventions", {}).get("images", "not stated by the data set"),
         "size_px": [scene.width_px, scene.height_px],
+        "inputs": RULE,
         "answers": "rounded to 8 bit and held within 0 to 255 before they are scored",
         "psnr": f"over all pixels and channels of a view; peak {PEAK}; {BEST_DB:g} dB for an exact answer",
         "ssim": SSIM | {"over": "mean over pixels and channels"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ def panel(
     target: int,
     inputs: Int[np.ndarray, " v"],
     view: View,
-    answers: dict[str, np.ndarray],
+    answers: Mapping[str, np.ndarray],
     scores: dict[str, float],
 ) -> UInt8[np.ndarray, "H W 3"]:
     """Draw one test view: a row of inputs and truth, a row of what the model says, a row of cheap answers."""
@@ -43,7 +44,7 @@ def panel(
 
 
 def summary_panel(
-    scene: Scene, shown: list[tuple[int, Int[np.ndarray, " v"], View, dict[str, np.ndarray], dict[str, float]]]
+    scene: Scene, shown: list[tuple[int, Int[np.ndarray, " v"], View, Mapping[str, np.ndarray], dict[str, float]]]
 ) -> UInt8[np.ndarray, "H W 3"]:
     """Draw a row for each test view: nearest input, truth, prediction, depth, error, homography, mesh render, guided blend."""
     rows = []

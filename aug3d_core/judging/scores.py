@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import flip_evaluator
 import numpy as np
 import pandas as pd
-from jaxtyping import UInt8
+from jaxtyping import Int, UInt8
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from aug3d_core.dataset.scene import Scene
@@ -16,31 +17,48 @@ from aug3d_core.heads.head import Head, View
 from aug3d_core.judging.cheap_answers import cheap_answers
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import BEST_DB, FLIP, PEAK, SSIM
+from aug3d_core.judging.inputs import chosen_inputs
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import InputError
+
+
+class Judged(NamedTuple):
+    """A predicted view and the cheap answers to it. target, inputs: rows of the scene. seconds: for the prediction."""
+
+    target: int
+    inputs: Int[np.ndarray, " v"]
+    view: View
+    answers: Mapping[str, UInt8[np.ndarray, "h w 3"]]
+    seconds: float
 
 
 def evaluate(
     head: Head,
     scene: Scene,
     config: EvaluationConfig,
-    seen: Callable[[int, View, dict[str, np.ndarray], float], None] = lambda group, view, answers, seconds: None,
+    seen: Callable[[int, Judged], None] = lambda group, judged: None,
 ) -> pd.DataFrame:
     """Predict the target of every test group; one row each with the scores of every answer.
 
-    seen: called with each group, the view, the cheap answers, and how long the prediction took [s].
+    seen: called with each group and what was judged of it.
     """
     check_test_groups(scene, config)
     rows = []
     for group, members in enumerate(scene.groups["test"]):
-        target, inputs = int(members[0]), members[1 : 1 + config.input_views]
+        target = int(members[0])
+        inputs = chosen_inputs(scene, target, members[1:], config.input_views)
         started = time.perf_counter()
         view = head.predict(scene, target, inputs)
         seconds = time.perf_counter() - started
         answers = cheap_answers(scene, target, inputs)
-        rows.append({"group": group, "photo_id": int(scene.photo_id[target])} | _scores(scene, target, view, answers))
-        seen(group, view, answers, seconds)
+        told = {"group": group, "photo_id": int(scene.photo_id[target]), "inputs": _ids(scene, inputs)}
+        rows.append(told | _scores(scene, target, view, answers))
+        seen(group, Judged(target, inputs, view, answers, seconds))
     return pd.DataFrame(rows)
+
+
+def _ids(scene: Scene, views: Int[np.ndarray, " v"]) -> str:
+    return " ".join(str(photo) for photo in scene.photo_id[views])
 
 
 def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
@@ -63,12 +81,11 @@ def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
         )
 
 
-def _scores(scene: Scene, target: int, view: View, answers: dict[str, np.ndarray]) -> dict[str, float]:
+def _scores(scene: Scene, target: int, view: View, answers: Mapping[str, np.ndarray]) -> dict[str, float]:
     truth = scene.images[target]
     scores = {name: score(truth, view.colour) for name, score in SCORES.items()}
-    scores |= {f"{name}_psnr": psnr(truth, picture) for name, picture in view.parts.items()}
-    for name in CHEAP:
-        scores |= {f"{name}_{score_name}": score(truth, answers[name]) for score_name, score in SCORES.items()}
+    for name, picture in {**view.parts, **{name: answers[name] for name in CHEAP}}.items():
+        scores |= {f"{name}_{score_name}": score(truth, picture) for score_name, score in SCORES.items()}
     return scores
 
 

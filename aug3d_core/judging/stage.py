@@ -15,12 +15,12 @@ from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads import saved
-from aug3d_core.heads.head import Head, View
+from aug3d_core.heads.head import Head
 from aug3d_core.judging import flythrough, panels, video
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
 from aug3d_core.judging.files import COMPARED, CONVENTIONS, FLYTHROUGH, PANELS, TEST_VIEWS, prediction_of, truth_of
-from aug3d_core.judging.scores import evaluate
+from aug3d_core.judging.scores import Judged, evaluate
 from aug3d_core.judging.summary import CHEAP, summary
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.stage import Outcome, Progress
@@ -34,13 +34,10 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     head = saved.load(inputs["training"])
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     count = len(scene.groups["test"])
-    kept: dict[int, tuple[View, dict[str, np.ndarray]]] = {}
+    kept: dict[int, Judged] = {}
 
-    spent = []
-
-    def seen(group: int, view: View, answers: dict[str, np.ndarray], seconds: float) -> None:
-        kept[group] = (view, answers)
-        spent.append(seconds)
+    def seen(group: int, judged: Judged) -> None:
+        kept[group] = judged
         progress(group + 1, count, "test views")
 
     progress(0, count, "test views")
@@ -49,17 +46,17 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     stated = conventions(scene)
     (out / CONVENTIONS).write_text(json.dumps(stated, indent=1))
     figures = summary(table, config)
-    started_from = ", ".join(sorted({view.started_from for view, _ in kept.values() if view.started_from}))
+    started_from = ", ".join(sorted({view.started_from for _, _, view, *_ in kept.values() if view.started_from}))
     unbeaten = [name for name in CHEAP if figures[f"over_{name}_ci_low"] <= 0]
     pictures = _draw(scene, config, table, kept, out) if config.panels else {}
     if config.flythrough_frames:
         progress(count, count, "fly-through")
-        pictures |= _fly(head, scene, config, table, out)
+        pictures |= _fly(head, scene, config, table, kept, out)
     return Outcome(
         metrics={
             "head": head.config.name,
             **({"started_from": started_from} if started_from else {}),
-            "seconds_per_view": round(float(np.median(spent)), 3),
+            "seconds_per_view": round(float(np.median([one.seconds for one in kept.values()])), 3),
             **figures,
             "conventions": digest(stated),
             "test_photos": held_out_digest(scene),
@@ -79,12 +76,14 @@ def _not_beaten(name: str, figures: Mapping[str, float]) -> str:
     )
 
 
-def _fly(head: Head, scene: Scene, config: EvaluationConfig, table: pd.DataFrame, out: Path) -> dict[str, str]:
+def _fly(
+    head: Head, scene: Scene, config: EvaluationConfig, table: pd.DataFrame, kept: Mapping[int, Judged], out: Path
+) -> dict[str, str]:
     """Fly around the test view that is met middlingly, so that the flight flatters nobody."""
     ranked = table.sort_values(["psnr", "group"])
     row = ranked.iloc[(len(ranked) - 1) // 2]
-    target, *support = scene.groups["test"][int(row["group"])]
-    frames = flythrough.fly(head, scene, int(target), np.array(support[: config.input_views]), config)
+    judged = kept[int(row["group"])]
+    frames = flythrough.fly(head, scene, judged.target, judged.inputs, config)
     video.save(frames, out / FLYTHROUGH, flythrough.FRAMES_PER_SECOND)
     return {f"Flight around photo {row['photo_id']:.0f} ({row['psnr']:.1f} dB, the middle one)": FLYTHROUGH}
 
@@ -93,7 +92,7 @@ def _draw(
     scene: Scene,
     config: EvaluationConfig,
     table: pd.DataFrame,
-    kept: Mapping[int, tuple[View, dict[str, np.ndarray]]],
+    kept: Mapping[int, Judged],
     out: Path,
 ) -> dict[str, str]:
     """Draw panels evenly from the best to the worst view; return their captions and paths."""
@@ -103,13 +102,13 @@ def _draw(
     chosen = ranked.iloc[np.unique(np.linspace(0, len(ranked) - 1, config.panels).round().astype(int))]
     pictures, shown = {"Test views, best first": f"{PANELS}/{SUMMARY}"}, []
     for row in chosen.to_dict("records"):
-        members = scene.groups["test"][row["group"]]
-        one = (int(members[0]), members[1 : 1 + config.input_views], *kept[row["group"]], row)
+        judged = kept[row["group"]]
+        one = (judged.target, judged.inputs, judged.view, judged.answers, row)
         photo = image_name(int(row["photo_id"]))
         name = f"{PANELS}/{photo}"
         panels.save(panels.panel(scene, *one), out / name)
-        panels.save(kept[row["group"]][0].colour, out / prediction_of(photo))
-        panels.save(scene.images[members[0]], out / truth_of(photo))
+        panels.save(judged.view.colour, out / prediction_of(photo))
+        panels.save(scene.images[judged.target], out / truth_of(photo))
         pictures[f"Photo {row['photo_id']}: {row['psnr']:.1f} dB"] = name
         shown.append(one)
     panels.save(panels.summary_panel(scene, shown), out / PANELS / SUMMARY)

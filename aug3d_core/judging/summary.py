@@ -14,7 +14,7 @@ CHEAP = ("mean_colour", "nearest_copy", "ground_homography", "plane_sweep", "mes
 
 def summary(table: pd.DataFrame, config: EvaluationConfig) -> dict[str, float]:
     """Return the figures that stand for the whole test: means with interval, groups, cheap answers."""
-    column = {name: np.asarray(table[name], float) for name in table.columns}
+    column = {name: np.asarray(values, float) for name, values in table.select_dtypes("number").items()}
     scores = column["psnr"]
     groups = np.array([scores[column["group"] == group].mean() for group in np.unique(column["group"])])
     low, high = bootstrap(groups, config.resamples, np.random.default_rng(config.seed))

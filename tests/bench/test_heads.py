@@ -27,11 +27,16 @@ def judged(home: Path, **scores: float) -> tuple[Store, Trial]:
 def test_each_start_is_held_against_its_own_answers(tmp_path: Path) -> None:
     cheap = {"ground_homography": 19.0, "plane_sweep": 18.0, "mesh_render": 25.0, "guided_blend": 26.0}
     scores = {f"{name}_psnr": db for name, db in cheap.items()}
-    found = _scene_figures(*judged(tmp_path, psnr=26.5, ssim=0.9, inputs_alone_psnr=22.5, **scores), "town", TOWN_GOALS)
+    found = _scene_figures(
+        *judged(tmp_path, psnr=26.5, ssim=0.9, inputs_alone_psnr=22.5, inputs_alone_ssim=0.7, **scores),
+        "town",
+        TOWN_GOALS,
+    )
     assert found["town_over_ground_homography"].value == pytest.approx(3.5)
     assert found["town_over_guided_blend"].value == pytest.approx(0.5)
     holds = {name: figure.holds for name, figure in found.items() if figure.goal}
     assert holds == {
+        "town_inputs_alone_ssim": False,
         "town_over_ground_homography": True,
         "town_over_plane_sweep": True,
         "town_over_mesh_render": False,
