@@ -24,7 +24,7 @@ FROM_INPUTS = (
 )  # the cheap answers that a model from the inputs alone is held against
 MINUTES = 10  # of processor time for training
 FEW_STEPS = 100  # enough to know how long a step of PixelNeRF takes
-# SSIM from the inputs alone, and goals over cheap answers [dB]: from the inputs alone; over the mesh and the guided blend with a scaffold; never seen
+# SSIM from the inputs alone; over cheap answers [dB]: from the inputs alone, then over those of the mesh with a scaffold
 TOWN_GOALS = {"ssim": 0.75, "ground_homography": 3.0, "plane_sweep": 3.0, "mesh_render": 2.0, "guided_blend": 0.7}
 REAL_GOALS = {"mesh_render": 1.5, "guided_blend": 0.5}
 
