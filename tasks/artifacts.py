@@ -19,7 +19,7 @@ from prefect.artifacts import (
 from prefect.runtime import flow_run
 
 from aug3d_core.metrics.comparison import Comparison, change_text
-from aug3d_core.report.thumbnails import thumbnail_jpeg
+from aug3d_core.report.thumbnails import is_film, thumbnail_jpeg
 from aug3d_core.run.progress import failures_logged
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
@@ -46,15 +46,16 @@ def publish(store: Store, made: Visit) -> None:
     create_table_artifact(
         key=artifact_key(made.step.name, "figures"), table=rows, description="\n\n".join((told, *record.notes))
     )
-    if record.pictures:
+    # Films are in the report and in MLflow: an artifact's Markdown cannot play them
+    if stills := {caption: path for caption, path in record.pictures.items() if not is_film(path)}:
         sections = [
             f"### {caption}\n\n![{caption}]({_embedded(store.files_dir(record) / path)})"
-            for caption, path in record.pictures.items()
+            for caption, path in stills.items()
         ]
         create_markdown_artifact(
             key=artifact_key(made.step.name, "pictures"),
             markdown="\n\n".join(sections),
-            description=", ".join(record.pictures),
+            description=", ".join(stills),
         )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from PIL import Image
 
 from aug3d_core.report.report_style import STYLE
-from aug3d_core.report.thumbnails import encoded
+from aug3d_core.report.thumbnails import encoded, is_film
 
 KEEP_BYTES = 100_000  # smaller pictures are embedded unchanged: compression would blur the lines of plots
 PICTURE_PX = 1280
@@ -78,7 +78,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numeric: Iterable
 
 def picture(path: Path, caption: str, longest_px: int = PICTURE_PX) -> str:
     """Return a figure with the picture embedded; a film (WebM) is played over and over, and animations stay animated."""
-    if path.suffix == ".webm":
+    if is_film(path):
         film = tag(
             "video", src=data_uri("video/webm", path.read_bytes()), controls="", loop="", autoplay="", muted="",
             playsinline="", title=caption,

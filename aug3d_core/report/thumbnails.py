@@ -8,6 +8,11 @@ from pathlib import Path
 from PIL import Image
 
 
+def is_film(picture: str | Path) -> bool:
+    """Return whether a stage's picture is a film: browsers play it, and it has no small copy."""
+    return Path(picture).suffix == ".webm"
+
+
 def thumbnail_jpeg(picture: Path, max_px: int = 1000) -> bytes:
     """Return a JPEG no larger than `max_px` on its longest side."""
     with Image.open(picture) as image:
