@@ -16,7 +16,7 @@ from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.files import MESH
 from tests.engines.little_town import config, town
 
-WANTED = config(domes=6)
+WANTED = config(domes=6, width_px=96, height_px=72)
 
 
 def photos() -> Views:

@@ -74,9 +74,9 @@ def test_a_small_scene_is_made_fold_by_fold_and_judged_on_all(
     assert json.loads(made.read_text())["grouping"]["fold"] == 1
     assert metrics["mlflow"]["run_id"] and metrics["flow_run"]["id"] and not metrics["mlflow"]["waiting"]
     depths = [row for row in metrics["needs"] if row["by"] == "auto"]
-    assert [(row["step"], row["value"]) for row in depths] == [("depth", 288), ("depth_fold1", 288)]
+    assert [(row["step"], row["value"]) for row in depths] == [("depth", 512), ("depth_fold1", 512)]
     made = Path(metrics["paths"]["objects"]["depth_fold1"]).parent / layout.RECORD
-    assert json.loads(made.read_text())["config"]["max_px"] == 288, "the stage is told what was decided"
+    assert json.loads(made.read_text())["config"]["max_px"] == 512, "the stage is told what was decided"
     stages.computed.clear()
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:1")  # nothing listens there: the run goes on
     again = run(tmp_path / "home", folder, auto=("depth.max_px",))

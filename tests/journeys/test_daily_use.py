@@ -106,7 +106,7 @@ def test_a_field_is_changed_in_the_form_and_the_run_outlives_its_worker(
     page.get_by_text("Custom run", exact=True).click()
     steps = page.locator("//label[.//span[text()='steps (Optional)']]/following::input[1]")
     expect(steps).to_have_value("30")
-    steps.fill("12")
+    steps.fill("40")
     page.screenshot(path=SHOTS / "form.png", full_page=True)
     submit(page)
 
@@ -121,7 +121,7 @@ def test_a_field_is_changed_in_the_form_and_the_run_outlives_its_worker(
     expect(page.get_by_text("evaluation", exact=True).first).to_be_visible()
     assert "town-what-changed" in {left["key"] for left in artifacts_of(pages, run)}
     open_artifact(page, "town-what-changed")
-    expect(page.get_by_text("steps 30 -> 12")).to_be_visible()
+    expect(page.get_by_text("steps 30 -> 40")).to_be_visible()
     page.screenshot(path=SHOTS / "what_changed.png")
 
 

@@ -71,7 +71,7 @@ def test_show_tells_the_same(first: dict[str, Any], home: Path) -> None:
     done = subprocess.run([aug3d, "show", "demo", "--json", "--home", str(home)], capture_output=True, text=True)
     assert json.loads(done.stdout) == json.loads(Path(first["paths"]["metrics"]).read_text())
     readable = subprocess.run([aug3d, "show", "demo", "--home", str(home)], capture_output=True, text=True)
-    assert "PixelNeRF" in readable.stdout and "report.html" in readable.stdout
+    assert "plane sweep" in readable.stdout and "report.html" in readable.stdout
 
 
 def test_mlflow_holds_the_run(first: dict[str, Any], home: Path) -> None:
