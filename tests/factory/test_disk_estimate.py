@@ -120,7 +120,7 @@ def test_a_run_that_cannot_fit_names_the_figures_the_disk_and_what_to_do(small_d
     assert str(disk) in caught.value.problem and "900 MiB are free" in caught.value.problem
     assert "may need 1.3 GiB" in caught.value.problem
     assert all(way in caught.value.remedy for way in ("aug3d gc", "--home", "smaller preset"))
-    smaller = scene_config("tiny", ["depth.max_px=224"])
+    smaller = scene_config("tiny", ["depth.max_px=192"])
     check_room(store, "demo", Material(), smaller, {}, plan)
     with (disk / "something").open("wb") as file:
         os.posix_fallocate(file.fileno(), 0, 400 * MIB)
