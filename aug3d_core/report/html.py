@@ -77,7 +77,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numeric: Iterable
 
 
 def picture(path: Path, caption: str, longest_px: int = PICTURE_PX) -> str:
-    """Return a figure with the picture embedded; a film (WebM) is played over and over, and animations stay animated."""
+    """Return a figure with the picture embedded; a film (WebM) is played over and over."""
     if is_film(path):
         film = tag(
             "video", src=data_uri("video/webm", path.read_bytes()), controls="", loop="", autoplay="", muted="",
@@ -102,8 +102,7 @@ def slider(above: Path, below: Path, caption: str, of_above: str, of_below: str)
 def _image(path: Path, caption: str, longest_px: int) -> str:
     with Image.open(path) as image:
         image.load()
-        moves, small = getattr(image, "is_animated", False), path.stat().st_size <= KEEP_BYTES
-        if moves or (small and image.format in ("PNG", "WEBP")):
+        if path.stat().st_size <= KEEP_BYTES and image.format in ("PNG", "WEBP"):
             kind, data, size = str(image.format).lower(), path.read_bytes(), image.size
         else:
             copy = image.convert("RGB")

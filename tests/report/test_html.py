@@ -1,5 +1,3 @@
-import base64
-import io
 import re
 
 import numpy as np
@@ -36,15 +34,6 @@ def test_pictures_travel_inside_the_page(tmp_path):
     assert 'src="data:image/png;base64,' in picture(tmp_path / "a.png", "one")
     assert 'src="data:image/webp;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
     assert 'alt="say &quot;two&quot;"' in picture(tmp_path / "b.jpg", 'say "two"')
-
-
-def test_an_animation_keeps_moving(tmp_path):
-    frames = [Image.new("RGB", (7, 11), (shade, 30, 30)) for shade in (0, 200)]
-    frames[0].save(tmp_path / "a.webp", save_all=True, append_images=frames[1:])
-    page = picture(tmp_path / "a.webp", "a flight")
-    data = page.partition("data:image/webp;base64,")[2].partition('"')[0]
-    with Image.open(io.BytesIO(base64.b64decode(data))) as again:
-        assert getattr(again, "n_frames", 1) == 2
 
 
 def test_a_film_plays_inside_the_page_and_its_name_is_escaped(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from aug3d_core.factory.auto.decision import Known
 from aug3d_core.factory.auto.length import Length
 from aug3d_core.factory.auto.parallax import known_parallax
+from aug3d_core.factory.auto.views import support_photos
 from aug3d_core.heads.sweep.config import SweepConfig
 from aug3d_core.run.stage import Decision
 
@@ -36,10 +37,9 @@ def planes(known: Known) -> Decision | None:
 
 def input_views(known: Known) -> Decision | None:
     """Predict from more photographs than the test needs: what one does not show, another does."""
-    k, support = known.figure("grouping", "k"), known.figure("grouping", "support_views")
-    if not k or not support:
+    there = support_photos(known)
+    if there is None:
         return None
-    there = int(min(k - 1, support))
     return Decision(
         field="evaluation.input_views",
         value=min(_MOST_GIVEN, there),
@@ -63,7 +63,6 @@ def _crop(known: Known) -> int:
 # At 256 x 192 px, one seed, 600 | 1,500 | 3,000 steps. The town's 31 training photographs, from three inputs alone:
 # 21.8 | 22.0 | 22.4 dB; about the scaffold 26.3 | 26.4 | 26.4. The same models on ochota, which they never saw:
 # 23.0 | 23.0 | 23.0 alone, 25.8 | 25.8 | 25.7 about the scaffold. 600 steps look 4.8 times at each pixel of the town.
-
 _LENGTH = Length(
     looks=5,
     least_steps=600,

@@ -54,11 +54,9 @@ def rendered_share(known: Known) -> Decision | None:
 
 def input_views(known: Known) -> Decision | None:
     """Predict from more photographs than the network was trained with: what one does not show, another does."""
-    k, support = known.figure("grouping", "k"), known.figure("grouping", "support_views")
-    trained = known.config.training.input_views
-    if not k or not support:
+    there, trained = support_photos(known), known.config.training.input_views
+    if there is None:
         return None
-    there = int(min(k - 1, support))
     return Decision(
         field="evaluation.input_views",
         value=min(_GIVEN_OVER_TRAINED * trained, there),
@@ -67,6 +65,12 @@ def input_views(known: Known) -> Decision | None:
         costs="about 1.7 times the time of a view; from 3, 6 and 9 photographs the town's have 22.6, 22.8 and 22.8 dB, ochota's"
         " 22.9, 23.6 and 23.6",
     )
+
+
+def support_photos(known: Known) -> int | None:
+    """Return from how many photographs a held-out one can be predicted, None where there are none yet."""
+    k, support = known.figure("grouping", "k"), known.figure("grouping", "support_views")
+    return int(min(k - 1, support)) if k and support else None
 
 
 def _why_none(known: Known) -> str:
