@@ -25,6 +25,7 @@ from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import last_version, object_of, records_before
 from aug3d_core.store.store import Store
 from flows.bench import bench
+from flows.collections import collections
 from flows.compare import compare_runs
 from flows.gc import gc
 from flows.hand_on import export_groups
@@ -254,6 +255,7 @@ app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(gc)
 app.add_typer(scenes, name="scenes")
+app.add_typer(collections, name="collections")
 study.command("tradeoff")(study_tradeoff)
 study.command("stability")(study_stability)
 app.add_typer(study, name="study")

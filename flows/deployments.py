@@ -1,4 +1,4 @@
-"""What can be started in the Prefect UI: each scene of the registry, all of them, and each study."""
+"""What can be started in the Prefect UI: each scene of the registry, all of them, each collection, and each study."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from prefect.schedules import Cron, Interval, Schedule
 from prefect.types.entrypoint import EntrypointType
 from prefect.utilities.annotations import freeze
 
+from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.scene_files.entry import SceneEntry
+from aug3d_core.scene_files.schedule import Schedule as When
+from flows.collection_run import train_collection
 from flows.regenerate import batch, regenerate
 from flows.settings import OURS
 from flows.study_run import stability, study_scene, tradeoff
 
-SCENE = "scene"  # tag of a scene of the registry
+SCENE, COLLECTION = "scene", "collection"  # tags of what the registry holds
 _ONE_AT_A_TIME = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
 _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # flow, name, what it is given, description
     (
@@ -58,9 +61,28 @@ async def of_scene(scene: str, entry: SceneEntry) -> RunnerDeployment:
     return await regenerate.ato_deployment(
         name=scene,
         parameters={"scene": freeze(scene), "settings": entry.config().model_dump(mode="json")},
-        schedules=[_schedule(entry)] if entry.schedule else [],
+        schedules=[_schedule(entry.schedule)] if entry.schedule else [],
         tags=[OURS, SCENE, entry.preset, *entry.tags],
         description="\n\n".join(fact for fact in facts if fact),
+        concurrency_limit=_ONE_AT_A_TIME,
+        entrypoint_type=EntrypointType.MODULE_PATH,
+    )
+
+
+async def of_collection(name: str, entry: CollectionEntry) -> RunnerDeployment:
+    """Return the deployment of a collection."""
+    parts = [
+        entry.description,
+        f"Trained on: {', '.join(entry.train) or 'no scene'}; {entry.towns} made-up towns",
+        f"Held out: {', '.join(entry.hold_out) or 'none'}",
+        entry.schedule.words() if entry.schedule else "No schedule",
+    ]
+    return await train_collection.ato_deployment(
+        name=name,
+        parameters={"collection": freeze(name)},
+        schedules=[_schedule(entry.schedule)] if entry.schedule else [],
+        tags=[OURS, COLLECTION, entry.preset],
+        description="\n\n".join(part for part in parts if part),
         concurrency_limit=_ONE_AT_A_TIME,
         entrypoint_type=EntrypointType.MODULE_PATH,
     )
@@ -86,9 +108,7 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
         )
 
 
-def _schedule(entry: SceneEntry) -> Schedule:
-    schedule = entry.schedule
-    assert schedule is not None
+def _schedule(schedule: When) -> Schedule:
     interval = schedule.interval()
     if interval is None:
         return Cron(schedule.cron or "", timezone=schedule.timezone, active=not schedule.paused)

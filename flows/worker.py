@@ -1,4 +1,4 @@
-"""The worker: `python -m flows.worker` registers every scene of the registry with Prefect, and runs what is due.
+"""The worker: `python -m flows.worker` registers every scene and collection of the registry with Prefect, and runs what is due.
 
 It looks at the registry again all the time, so that a scene that is added, changed or removed needs no restart. What a former
 worker left half done, killed or with the machine, it starts again: finished steps are in the store.
@@ -31,12 +31,15 @@ from prefect.runner import Runner
 from prefect.states import AwaitingRetry, Cancelled, Crashed
 from prefect.types import DateTime
 
+from aug3d_core.collections.entry import CollectionEntry
+from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each
+from aug3d_core.store import layout
 from aug3d_core.store.store import Store
-from flows.deployments import SCENE, of_everything, of_scene
+from flows.deployments import COLLECTION, SCENE, of_collection, of_everything, of_scene
 from flows.services import tell_ready
 from flows.settings import OURS, home
 from tasks.mlflow_outbox import waiting
@@ -51,7 +54,9 @@ CANCELLED_WITHIN_S = 30.0
 _PAGE = 200  # the most that Prefect tells at a time
 
 T = TypeVar("T")
-Known = dict[str, SceneEntry | str]  # what the registry says of a scene, or what is wrong with it
+Entry = SceneEntry | CollectionEntry
+Known = dict[str, Entry | str]  # what the registry says of a scene, or what is wrong with it
+_OF_COLLECTION = f"{layout.COLLECTIONS}/"  # begins what is known of a collection: no scene has such a name
 
 
 def main() -> None:
@@ -112,15 +117,17 @@ async def register(runner: Runner, store: Store, known: Known | None) -> Known:
 
     A scene whose file is wrong keeps its deployment as it was: the file is named, and its runs say the same.
     """
-    now: Known = {
-        scene: str(entry) if isinstance(entry, Aug3dError) else entry for scene, entry in read_each(store).items()
-    }
-    for scene, entry in now.items():
-        if known is not None and entry == known.get(scene):
+    told: dict[str, Entry | Aug3dError] = {**read_each(store)}
+    told |= {f"{_OF_COLLECTION}{name}": entry for name, entry in COLLECTIONS.read_each(store).items()}
+    now: Known = {name: str(entry) if isinstance(entry, Aug3dError) else entry for name, entry in told.items()}
+    for name, entry in now.items():
+        if known is not None and entry == known.get(name):
             continue
         try:
             if isinstance(entry, SceneEntry):
-                await runner.aadd_deployment(await of_scene(scene, entry))
+                await runner.aadd_deployment(await of_scene(name, entry))
+            elif isinstance(entry, CollectionEntry):
+                await runner.aadd_deployment(await of_collection(name.removeprefix(_OF_COLLECTION), entry))
             else:
                 print(entry, flush=True)
         except Aug3dError as error:
@@ -130,15 +137,21 @@ async def register(runner: Runner, store: Store, known: Known | None) -> Known:
     return now
 
 
-async def _remove_all_but(scenes: Collection[str]) -> None:
-    tagged = DeploymentFilter(tags=DeploymentFilterTags(all_=[OURS, SCENE]))
+async def _remove_all_but(known: Collection[str]) -> None:
+    await _remove(SCENE, known)
+    await _remove(COLLECTION, [name.removeprefix(_OF_COLLECTION) for name in known if name.startswith(_OF_COLLECTION)])
+
+
+async def _remove(tag: str, names: Collection[str]) -> None:
+    """Delete the deployments with a tag that have other names."""
+    tagged = DeploymentFilter(tags=DeploymentFilterTags(all_=[OURS, tag]))
     async with get_client() as client:
         for deployment in await _all(
             lambda offset: client.read_deployments(
                 deployment_filter=tagged, sort=DeploymentSort.NAME_ASC, limit=_PAGE, offset=offset
             )
         ):
-            if deployment.name not in scenes:
+            if deployment.name not in names:
                 await client.delete_deployment(deployment.id)
 
 

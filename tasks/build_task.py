@@ -33,13 +33,17 @@ def build_object(work: Work, home: str, step: str, found: Built | None = None) -
     return Completed(name=CACHED if built.cached else None, data=built)
 
 
-def through_prefect(store: Store) -> Make:
-    """Return what a walk does with each step: run the task, and say what it is doing to those who listen."""
+def through_prefect(store: Store, of: str = "") -> Make:
+    """Return what a walk does with each step: run the task, and say what it is doing to those who listen.
+
+    of: what the steps are of, where there are several walks in one flow.
+    """
 
     def make(visit: Visit) -> Built:
         assert visit.work
-        progress.started(visit.step.name)
-        state = build_object(visit.work, str(store.root), visit.step.name, visit.built, return_state=True)
+        name = f"{of} {visit.step.name}".strip()
+        progress.started(name)
+        state = build_object(visit.work, str(store.root), name, visit.built, return_state=True)
         return state.result()
 
     return make

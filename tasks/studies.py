@@ -44,12 +44,14 @@ def log_study(store: Store, study: Publication, folder: Path) -> str:
     try:
         client = mlflow_client(store)
         experiment = experiment_id(client, store.root, study.place)
-        run_id = _begin(client, experiment, LoggedRun(f"study {folder.name}", study.tags, study.params, study.metrics))
+        run_id = begin_run(
+            client, experiment, LoggedRun(f"study {folder.name}", study.tags, study.params, study.metrics)
+        )
         for name in _FILES:
             client.log_artifact(run_id, str(folder / name))
         parent = {**study.tags, MLFLOW_PARENT_RUN_ID: run_id}
         for cell in study.cells:
-            nested = _begin(client, experiment, cell, parent)
+            nested = begin_run(client, experiment, cell, parent)
             client.set_terminated(nested, status="FAILED" if cell.failed else "FINISHED")
         client.set_terminated(run_id, status="FINISHED")
     except TROUBLE as error:
@@ -60,7 +62,8 @@ def log_study(store: Store, study: Publication, folder: Path) -> str:
     return ""
 
 
-def _begin(client: MlflowClient, experiment: str, run: LoggedRun, tags: dict[str, str] | None = None) -> str:
+def begin_run(client: MlflowClient, experiment: str, run: LoggedRun, tags: dict[str, str] | None = None) -> str:
+    """Create a run with its settings and figures, still running; return its id."""
     all_tags = {**(tags or {}), **run.tags}
     run_id = client.create_run(experiment, run_name=run.name, tags=all_tags).info.run_id
     client.log_batch(run_id, params=[Param(name, str(value)) for name, value in run.params.items()])

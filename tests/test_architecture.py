@@ -38,7 +38,7 @@ ORDER = (
     "run", "geometry",
     "photos", "poses", "sfm", "split", "groups", "depth", "surface", "overlap", "domes", "rendering", "dataset",
     "heads", "training", "judging", "novel", "town",
-    "store", "factory", "metrics", "report", "export", "scene_files", "studies", "bench",
+    "store", "factory", "metrics", "report", "export", "scene_files", "collections", "studies", "bench",
 )  # fmt: skip
 STAGES = ORDER[ORDER.index("photos") : ORDER.index("store")]
 # Besides `files.py`, which every later stage may read, stage packages import of one another only what is listed here.
@@ -49,7 +49,8 @@ SHARED = {
     "training": ("dataset", "heads"),
     "judging": ("dataset", "heads"),
     "novel": ("dataset", "heads", "judging", "poses"),  # judged as in the test; poses from outside are read
-    "town": ("rendering", "domes", "groups", "overlap"),  # is rendered, and holds what was found against its truth
+    # Is rendered, holds what was found against its truth, and is packed
+    "town": ("rendering", "domes", "groups", "overlap", "dataset"),
 }
 # All that training, judging and novel views know of a model: settings by name, the protocol, a trained head on disk
 PROTOCOL = {"aug3d_core.heads"} | {f"aug3d_core.heads.{module}" for module in ("config", "head", "saved")}

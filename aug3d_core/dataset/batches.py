@@ -53,16 +53,14 @@ def check_groups(scenes: Sequence[Scene], wanted: Wanted) -> None:
                 raise InputError(f"groups/{name} has groups of one view", "group more views together (grouping.k)")
 
 
-def given_views(scenes: Sequence[Scene], wanted: Wanted) -> int:
-    """Return how many inputs every group is given: as many as wanted, or all but one of the smallest group."""
-    members = [scene.groups[name].shape[1] for scene in scenes for name in _sets(scene, wanted)]
-    return min(wanted.input_views, min(members) - 1)
+def given_views(scene: Scene, wanted: Wanted) -> int:
+    """Return how many inputs every group of a scene is given: as many as wanted, or all but one of the smallest group."""
+    return min(wanted.input_views, min(scene.groups[name].shape[1] for name in _sets(scene, wanted)) - 1)
 
 
 def draw(scenes: Sequence[Scene], wanted: Wanted, rng: np.random.Generator) -> tuple[Group, ...]:
     """Draw the groups of a training step; each scene is as likely as any other."""
-    given = given_views(scenes, wanted)
-    drawn = [_draw_group(scenes, wanted, given, rng) for _ in range(wanted.groups)]
+    drawn = [_draw_group(scenes, wanted, rng) for _ in range(wanted.groups)]
     if wanted.pixels is None:
         return tuple(Group(number, inputs, targets) for number, inputs, targets, _ in drawn)
     widths = [scenes[number].width_px for number, *_ in drawn]
@@ -84,7 +82,7 @@ def pixel_colours(
 
 
 def _draw_group(
-    scenes: Sequence[Scene], wanted: Wanted, given: int, rng: np.random.Generator
+    scenes: Sequence[Scene], wanted: Wanted, rng: np.random.Generator
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """Return the scene, inputs, targets, and the target of each pixel (none for whole images)."""
     number = int(rng.integers(len(scenes)))
@@ -93,6 +91,7 @@ def _draw_group(
     shares = [wanted.rendered_share if name == "rendered" else 1 - wanted.rendered_share for name in sets]
     groups = scene.groups[sets[rng.choice(len(sets), p=np.array(shares if len(sets) > 1 else [1.0]))]]
     order = rng.permutation(groups[rng.integers(len(groups))])
+    given = given_views(scene, wanted)
     inputs, targets = order[:given], order[given:]
     return number, inputs, targets, rng.choice(targets, wanted.pixels or 0)
 

@@ -12,8 +12,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float16, Int, UInt8
 
+from aug3d_core.dataset.on_disk import OnDisk
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.run.errors import InputError
+
+Pictures = np.ndarray | OnDisk  # in memory, or read view by view
 
 REAL, RENDERED = 0, 1
 SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`
@@ -23,10 +26,10 @@ SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into t
 class Scene:
     """All views of one scene, its groups, and the mesh render at the test targets."""
 
-    images: UInt8[np.ndarray, "n h w 3"]
-    alpha: UInt8[np.ndarray, "n h w"]
-    depth: Float16[np.ndarray, "n h w"]  # exact of renders, by stereo of training photographs
-    scaffold: Float16[np.ndarray, "n h w"]  # of a mesh that was made without the test's targets
+    images: UInt8[Pictures, "n h w 3"]
+    alpha: UInt8[Pictures, "n h w"]
+    depth: Float16[Pictures, "n h w"]  # exact of renders, by stereo of training photographs
+    scaffold: Float16[Pictures, "n h w"]  # of a mesh that was made without the test's targets
     world_from_cam: Float[np.ndarray, "n 4 4"]
     intrinsics: Float[np.ndarray, "n 4"]  # fx, fy, cx, cy in px
     near_far: Float[np.ndarray, "n 2"]
@@ -56,11 +59,9 @@ class Scene:
         return self.images.shape[2]
 
 
+PICTURES = ("images", "alpha", "depth", "scaffold")  # of every view; all else of a scene is small
 VIEW_ARRAYS = (
-    "images",
-    "alpha",
-    "depth",
-    "scaffold",
+    *PICTURES,
     "world_from_cam",
     "intrinsics",
     "near_far",

@@ -7,24 +7,18 @@ values, so that a lost or damaged chunk is found (Zarr itself would answer zeros
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import zarr
 from zarr.codecs import ZstdCodec
 
-from aug3d_core.dataset.scene import BASELINE_ARRAYS, VIEW_ARRAYS, Scene
+from aug3d_core.dataset.scene import BASELINE_ARRAYS, PICTURES, VIEW_ARRAYS, Scene
 
 FORMAT = "aug3d scene"
 VERSION = 2
-PER_VIEW_PX = (
-    "images",
-    "alpha",
-    "depth",
-    "scaffold",
-    "baseline_images",
-    "baseline_alpha",
-)  # arrays with a chunk for each view
+PER_VIEW_PX = (*PICTURES, "baseline_images", "baseline_alpha")  # arrays with a chunk for each view
 
 
 def arrays_of(scene: Scene) -> dict[str, np.ndarray]:
@@ -37,8 +31,15 @@ def arrays_of(scene: Scene) -> dict[str, np.ndarray]:
 
 def digest(values: np.ndarray) -> str:
     """Digest an array's shape, type and values."""
-    head = f"{values.dtype.str}{values.shape}".encode()
-    return hashlib.sha256(head + np.ascontiguousarray(values).tobytes()).hexdigest()
+    return digest_of(values.dtype, values.shape, [values])
+
+
+def digest_of(dtype: np.dtype, shape: tuple[int, ...], parts: Iterable[np.ndarray]) -> str:
+    """Digest an array of which the parts are read one after the other."""
+    digest = hashlib.sha256(f"{dtype.str}{shape}".encode())
+    for part in parts:
+        digest.update(np.ascontiguousarray(part).data)
+    return digest.hexdigest()
 
 
 def write(scene: Scene, path: Path, shard_views: int) -> None:

@@ -6,7 +6,8 @@ entry      the content of a file, validated
 document   YAML with the line number of each value; duplicate keys are refused
 check      document -> entry; reports every mistake with file, line and field
 text       entry -> the commented file that people edit; another schedule in such a file
-files      read, write and remove the files; two of one name are refused
+registry   a folder of such files: read, write and remove them; two of one name are refused
+files      the registry of scenes
 """
 
 from aug3d_core.scene_files.entry import Publishing, SceneEntry

@@ -6,7 +6,7 @@ import difflib
 from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -19,10 +19,20 @@ from aug3d_core.scene_files.document import Mistake, Place, parsed
 from aug3d_core.scene_files.entry import FOLDER, Origin, SceneEntry
 
 _LONGEST_VALUE = 60
+ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 def checked_entry(file: Path, content: bytes) -> SceneEntry:
-    """Return what a file of the registry says; raises InputError naming file, line and field of every mistake."""
+    """Return what the file of a scene says; raises InputError naming file, line and field of every mistake."""
+    entry, origin = checked(SceneEntry, file, content)
+    return entry.read_from(origin)
+
+
+def checked(model: type[ModelT], file: Path, content: bytes) -> tuple[ModelT, Origin]:
+    """Return what a file of the registry says, and where; raises InputError naming file, line and field of every mistake.
+
+    model: with the fields `preset` and `settings` of a scene, and others.
+    """
     try:
         document = parsed(_text(content))
     except Mistake as mistake:
@@ -32,12 +42,12 @@ def checked_entry(file: Path, content: bytes) -> SceneEntry:
     origin = Origin(file, document.lines)
     wrong = _wrong_settings(origin, values)
     try:
-        entry = SceneEntry.model_validate(values, context={FOLDER: file.parent})
+        entry = model.model_validate(values, context={FOLDER: file.parent})
     except ValidationError as error:
-        raise _refusal([*_told(origin, error, SceneEntry, ()), *wrong]) from error
+        raise _refusal([*_told(origin, error, model, ()), *wrong]) from error
     if wrong:
         raise _refusal(wrong)
-    return entry.read_from(origin)
+    return entry, origin
 
 
 def said(error: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ LOCKS = "locks"
 IN_USE = "in_use.lock"
 FAILURES = "failures"
 SCENES = "scenes"
+COLLECTIONS = "collections"  # of scenes: their files, and the versions of the model of each
 SCENE_FILES = (".yaml", ".yml")  # the registry: how the file of a scene may end, the first when it is written
 BENCH = "bench"
 BENCH_FIGURES = "figures.json"

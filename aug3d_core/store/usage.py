@@ -52,12 +52,13 @@ def versions(store: Store) -> list[Holder]:
 
 
 def studies(store: Store) -> list[Holder]:
-    """Return every study; raises StoreError if one cannot be read."""
+    """Return every study, and every version of a collection; raises StoreError if one cannot be read."""
 
     def read(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
         return frozenset((stage, key) for stage, key in told["objects"]), True
 
-    return _holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS, read)
+    collections = _holders(store.root / layout.COLLECTIONS, layout.METRICS, read)
+    return [*_holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS, read), *collections]
 
 
 def named(records: Iterable[Record]) -> list[Object]:

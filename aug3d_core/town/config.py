@@ -11,7 +11,8 @@ from aug3d_core.run.stage import StageConfig
 
 FlightPath = Literal["lawnmower", "nadir", "crossed", "oblique", "orbit", "free", "abrupt"]
 TerrainKind = Literal["hills", "slope", "terraces"]
-Buildings = Literal["mixed", "high_rise", "identical"]
+Buildings = Literal["mixed", "suburb", "dense", "industry", "high_rise", "identical"]
+Season = Literal["summer", "dry", "autumn", "winter"]
 
 
 class TownConfig(StageConfig):
@@ -29,8 +30,16 @@ class TownConfig(StageConfig):
         default=10.0, ge=0, le=30, description="Mean slope of the terrains slope and terraces [degrees]."
     )
     buildings: Buildings = Field(
-        default="mixed", description="mixed: houses of all kinds; high_rise: towers; identical: copies of one house."
+        default="mixed",
+        description="mixed: houses of all kinds; suburb: detached houses; dense: rows and flats; industry: halls; "
+        "high_rise: towers; identical: copies of one house.",
     )
+    trees_share: float = Field(default=1.0, ge=0, le=1, description="Share of the trees that are planted (0 to 1).")
+    season: Season = Field(default="summer", description="Colours of what grows; in winter snow lies on the ground.")
+    sun_azimuth_deg: float = Field(
+        default=152.0, ge=0, lt=360, description="Direction to the sun, clockwise from north [degrees]."
+    )
+    sun_elevation_deg: float = Field(default=47.0, ge=5, le=90, description="Height of the sun [degrees].")
     bare_roofs: bool = Field(default=False, description="Give each roof one colour and no texture.")
     lake: bool = Field(default=False, description="Flood a part of the town. Ripples differ in every photograph.")
 

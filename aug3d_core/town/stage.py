@@ -9,14 +9,10 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
 from PIL import Image
 
-from aug3d_core.geometry.transforms import centres, homogeneous, invert
+from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Views
-from aug3d_core.rendering.files import shard_name
-from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, Sunlit
-from aug3d_core.rendering.launch import render
 from aug3d_core.rendering.sheet import save_sheet
 from aug3d_core.run.stage import Inputs, Outcome, Progress
 from aug3d_core.town.config import TownConfig
@@ -26,14 +22,13 @@ from aug3d_core.town.drone.gps import ORIGIN_GEODETIC, measured_places
 from aug3d_core.town.drone.lens import Lens
 from aug3d_core.town.drone.photo import Stamp
 from aug3d_core.town.drone.sensor import Defects
+from aug3d_core.town.drone.studio import Studio
 from aug3d_core.town.files import TOWN_PHOTOS, TOWN_TRUTH, TRUTH_FOOTPRINTS, TRUTH_LENS, TRUTH_MESH, TRUTH_POSES
-from aug3d_core.town.generator.model import TexturedMesh
 from aug3d_core.town.generator.terrain import terrain_of
 from aug3d_core.town.generator.town import Town, build_town, coloured_mesh
 
 _SHEET = "photos.png"
 _START = datetime(2024, 6, 14, 10, 30)  # without a zone, as EXIF times are
-_LIGHT = Sunlit(sun_azimuth_deg=152, sun_elevation_deg=47)
 
 
 def run(inputs: Inputs, config: TownConfig, out: Path, progress: Progress) -> Outcome:
@@ -72,36 +67,18 @@ def photo_name(photo_id: int) -> str:
 
 def _shoot(town: Town, darkroom: Darkroom, config: TownConfig, photos: Path, scratch: Path, progress: Progress) -> int:
     """Render the shards that lack a photograph; return how many photographs were rendered."""
-    meshes = (
-        _export(town.ground, town.ground_image, scratch / "ground"),
-        _export(town.things, town.things_image, scratch / "things"),
-    )
-    cameras, views = scratch / "cameras.npz", darkroom.views
-    world_from_cam = homogeneous(invert(views.cam_from_world))
-    np.savez(
-        cameras, view_id=views.photo_id, world_from_cam=world_from_cam, intrinsics=views.intrinsics, size=views.size
-    )
-    total, rendered = len(views), 0
+    studio, total, rendered = Studio.of(town, darkroom.views, config, scratch), len(darkroom.views), 0
     for first in range(0, total, config.photos_per_shard):
         last = min(first + config.photos_per_shard, total)
         if all((photos / photo_name(i)).exists() for i in range(first, last)):
             continue
-        shard = Shard(first=first, last=last, out=scratch / shard_name(first), samples=config.samples, seed=config.seed)
-        job = RenderJob(meshes=meshes, cameras=cameras, shards=(shard,), light=_LIGHT, depth=False)
-        render(job, lambda done, first=first: progress(first + done, total, "photographs"))
-        with np.load(shard.out) as arrays:
-            rgb, alpha = arrays["rgb"], arrays["alpha"]
+        rgb, alpha, _ = studio.shoot(
+            first, last, lambda done, first=first: progress(first + done, total, "photographs")
+        )
         for i in range(first, last):
             darkroom.develop(rgb[i - first], alpha[i - first], i, photos / photo_name(i))
         rendered += last - first
     return rendered
-
-
-def _export(mesh: TexturedMesh, image: UInt8[np.ndarray, "h w 3"], stem: Path) -> MeshFile:
-    file, texture = stem.with_suffix(".npz"), stem.with_suffix(".bmp")
-    np.savez(file, vertices=mesh.vertices, triangles=mesh.triangles, uv=mesh.uv)
-    Image.fromarray(image).save(texture)
-    return MeshFile(path=file, texture=texture)
 
 
 def _stamps(config: TownConfig, views: Views, rng: np.random.Generator) -> list[Stamp]:

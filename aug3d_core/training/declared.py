@@ -19,7 +19,7 @@ TRAINING = Stage(
     metrics=declared(
         higher="groups_per_second train_psnr",
         lower="restarts loader_wait_share",
-        neither="head steps stopped_by encoder_from parameters",
+        neither="head scenes steps stopped_by encoder_from started_with parameters",
     ),
     decidable=(
         "rendered_share",

@@ -17,9 +17,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aug3d_core.dataset.batches import check_groups, draw
+from aug3d_core.dataset.batches import check_groups
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.run.errors import InputError
+from aug3d_core.training.ahead import Ahead
 from aug3d_core.training.checkpoint import forget_after, load_state, save_state, saved_steps
 from aug3d_core.training.config import TrainingConfig
 from aug3d_core.training.ddp import ALONE, Team
@@ -49,26 +50,26 @@ def train(
     run = begin(config, team.device)
     if not _go_on(run, checkpoints, saved_steps(checkpoints)):
         start(run)
-    step = team.wrap(Step(run.head, scenes))
+    step, batches = team.wrap(Step(run.head, scenes)), Ahead(scenes, config.wanted, team.share)
     while run.step < last_step(config, run.tail_from):
-        take_step(run, step, scenes, config, team)
+        take_step(run, step, batches, config, team)
         trouble = find_trouble(run.history, run.head.symptoms)
         if trouble:
             _start_again(run, trouble, config, checkpoints, team)
             continue
         if probe_due(config, run.step):
-            _probe(run, step, scenes, config, team)
+            _probe(run, step, batches, config, team)
         if team.leads and run.step % config.checkpoint_every == 0:
             save_state(checkpoints, run.step, run.state())
         report(run)
     return run
 
 
-def take_step(run: Run, step: nn.Module, scenes: Sequence[Scene], config: TrainingConfig, team: Team) -> None:
+def take_step(run: Run, step: nn.Module, batches: Ahead, config: TrainingConfig, team: Team) -> None:
     """Draw groups, improve the model by them, and note what they showed."""
     begun = time.monotonic()
     seeds = [config.seed, len(run.restarts), run.step]
-    groups = team.share(draw(scenes, config.wanted, np.random.default_rng(seeds)))
+    groups = batches.draw(seeds)
     drawn = time.monotonic()
     for parameters in run.optimiser.param_groups:
         parameters["lr"] = rate(config, run.step, run.tail_from, len(run.restarts))
@@ -135,12 +136,11 @@ def _start_again(run: Run, trouble: Trouble, config: TrainingConfig, checkpoints
         save_state(checkpoints, run.step, run.state())
 
 
-def _probe(run: Run, step: nn.Module, scenes: Sequence[Scene], config: TrainingConfig, team: Team) -> None:
+def _probe(run: Run, step: nn.Module, batches: Ahead, config: TrainingConfig, team: Team) -> None:
     """Measure the error on fixed groups; if training has learned enough, begin the tail."""
-    batches = [draw(scenes, config.wanted, np.random.default_rng([config.seed, n])) for n in PROBE_SEEDS]
     with torch.no_grad():
         run.head.eval()
-        errors = [_means(step(team.share(batch), None)[1], team)["error"] for batch in batches]
+        errors = [_means(step(batches.fixed([config.seed, n]), None)[1], team)["error"] for n in PROBE_SEEDS]
         run.head.train()
     run.probes.append(Probe(run.step, -10 * math.log10(max(float(np.mean(errors)), 1e-10))))
     if run.tail_from is None and enough(config, run.probes):

@@ -12,10 +12,12 @@ import torch
 
 from aug3d_core.dataset.batches import given_views
 from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads import saved
 from aug3d_core.heads.config import Measures
+from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Metric, Outcome, Progress
 from aug3d_core.training.config import TrainingConfig
 from aug3d_core.training.ddp import Team, fitting_size, gathered
@@ -27,6 +29,7 @@ from aug3d_core.training.schedule import last_step
 from aug3d_core.training.state import Run
 
 CURVE_POINTS = 100
+CACHE_MIB = 768  # of pictures in memory, of all scenes: some 2,000 views of 256 x 192 px
 NOT_LEARNED = "the model is no better than one colour for each view would be: train longer, or with another seed"
 
 
@@ -40,18 +43,18 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
         if run.step % every == 0 or run.step == end:
             progress(run.step, end, f"{psnr(run.history[-every:]):.1f} dB in training")
 
-    stores = [inputs["dataset"] / SCENE_ZARR]
+    stores = {name: inputs[name] / SCENE_ZARR for name in sorted(inputs)}
     with gathered(
         fitting_size(config.groups_per_step, torch.cuda.device_count()), _follow, stores, config, checkpoints
     ) as team:
-        scenes = read_all(stores)
+        scenes = list(read_all(stores).values())
         trained = train(scenes, config, checkpoints, report, team)
     saved.save(trained.head, out)
     curve = curve_of(trained)
     curve.to_parquet(out / CURVE, index=False)
     shutil.rmtree(checkpoints, ignore_errors=True)
     collapsed = worse_than_one_colour(trained.history)
-    metrics = _metrics(trained, config) | {"train_psnr": round(float(curve["train_psnr"].iloc[-1]), 3)}
+    metrics = _metrics(trained, config, len(scenes)) | {"train_psnr": round(float(curve["train_psnr"].iloc[-1]), 3)}
     return Outcome(
         metrics=metrics,
         state="degraded" if collapsed else "ok",
@@ -68,19 +71,29 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
     )
 
 
-def read_all(stores: Sequence[Path]) -> list[Scene]:
-    """Read the data sets that a head is trained on: one scene each, whole in memory."""
-    return [read(store) for store in stores]
+def read_all(stores: Mapping[str, Path]) -> dict[str, Scene]:
+    """Read the data sets that a head is trained on, by name; their pictures stay on disk but for CACHE_MIB of them.
+
+    Raises InputError that names the data set that cannot be trained on.
+    """
+    cache, scenes = Cache(CACHE_MIB * 2**20), {}
+    for name, store in stores.items():
+        try:
+            scenes[name] = read(store, cache)
+        except InputError as error:
+            raise InputError(f"{name}: {error.problem}", error.remedy) from error
+    return scenes
 
 
-def _follow(team: Team, stores: Sequence[Path], config: TrainingConfig, checkpoints: Path) -> None:
+def _follow(team: Team, stores: Mapping[str, Path], config: TrainingConfig, checkpoints: Path) -> None:
     """Train as another member of the team, silently."""
-    train(read_all(stores), config, checkpoints, team=team)
+    train(list(read_all(stores).values()), config, checkpoints, team=team)
 
 
-def _metrics(run: Run, config: TrainingConfig) -> dict[str, Metric]:
+def _metrics(run: Run, config: TrainingConfig, scenes: int) -> dict[str, Metric]:
     return {
         "head": config.head.name,
+        "scenes": scenes,
         "steps": run.step,
         "stopped_by": "steps" if run.step == config.steps else "plateau",
         "restarts": len(run.restarts),
@@ -92,7 +105,7 @@ def _metrics(run: Run, config: TrainingConfig) -> dict[str, Metric]:
 
 
 def _fewer(scenes: Sequence[Scene], config: TrainingConfig) -> list[str]:
-    given = given_views(scenes, config.wanted)
+    given = min(given_views(scene, config.wanted) for scene in scenes)
     told = f"the smallest group has {given + 1} views: {given} of each were given, not {config.input_views}"
     return [told] if given < config.input_views else []
 

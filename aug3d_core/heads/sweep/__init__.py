@@ -2,5 +2,6 @@
 
 config    its settings, and how it is trained in each preset
 head      loss and prediction: what training and judging see
+start     its first weights: towns.safetensors, which is shipped, or a file
 network   features -> coarse and fine cost volumes -> depth -> blended colours
 """

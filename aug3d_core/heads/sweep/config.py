@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from aug3d_core.heads.config import HeadConfig
+
+TOWNS, RANDOM = "towns", "random"  # first weights that are no file
 
 
 class SweepConfig(HeadConfig):
@@ -31,6 +34,12 @@ class SweepConfig(HeadConfig):
         default=0.5, ge=0, le=100, description="Weight of the error of height in the slab, where depth is known [1]."
     )
 
+    start: str = Field(
+        default=RANDOM,
+        min_length=1,
+        description="First weights: towns (shipped; trained on made-up towns alone), random, or a file model.safetensors of a"
+        " plane sweep.",
+    )
     recoloured_share: float = Field(
         default=0.25,
         ge=0,
@@ -46,7 +55,12 @@ class SweepConfig(HeadConfig):
     @property
     def facts(self) -> Mapping[str, int | float | str]:
         """The size of the network."""
-        return {"planes": self.planes, "features": self.features, "crop": f"{self.crop_px} px"}
+        return {"planes": self.planes, "features": self.features, "crop": f"{self.crop_px} px", "start": self.start}
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file of the first weights, where one is named."""
+        return () if self.start in (TOWNS, RANDOM) else (Path(self.start).expanduser(),)
 
 
 CONFIG = SweepConfig

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -15,9 +16,10 @@ from aug3d_core.dataset.batches import Group
 from aug3d_core.dataset.scene import RENDERED, Scene
 from aug3d_core.dataset.warp import Inputs, Target, on_device
 from aug3d_core.heads.exposure import Exposure
-from aug3d_core.heads.head import Head, View, colour_measures, to_8_bit
-from aug3d_core.heads.sweep.config import SweepConfig
+from aug3d_core.heads.head import Head, Start, View, colour_measures, to_8_bit
+from aug3d_core.heads.sweep.config import RANDOM, TOWNS, SweepConfig
 from aug3d_core.heads.sweep.network import COARSE, Given, Seen, SweepNetwork
+from aug3d_core.heads.sweep.start import load_first_weights
 
 _SOFT = 1e-2  # of colours in [0, 1]: below it an error counts squared, above it as it is
 _EDGES = 0.5  # weight of the error of differences between neighbouring pixels
@@ -36,6 +38,13 @@ class SweepHead(Head):
         super().__init__()
         self.config = config
         self.network = SweepNetwork(config)
+
+    def start(self) -> Start:
+        """Load the first weights that the settings name."""
+        named = self.config.start
+        if named != RANDOM:
+            load_first_weights(self, named)
+        return Start(metrics={"started_with": named if named in (RANDOM, TOWNS) else Path(named).name})
 
     def loss(
         self, scenes: Sequence[Scene], groups: Sequence[Group], noise: torch.Generator | None

@@ -33,6 +33,13 @@ class Darkroom:
 
     def develop(self, rgb: UInt8[np.ndarray, "h w 3"], alpha: UInt8[np.ndarray, "h w"], view: int, path: Path) -> None:
         """Write one photograph."""
+        image = self.exposed(rgb, alpha, view)
+        save_photo(path, image, self.stamps[view], self.noise_levels, np.random.default_rng([self.seed, view]))
+
+    def exposed(
+        self, rgb: UInt8[np.ndarray, "h w 3"], alpha: UInt8[np.ndarray, "h w"], view: int
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        """Return what falls on the sensor, before its noise."""
         # Generators per photograph: its noise must not depend on which shards were rendered before.
         image = over_sky(rgb, alpha)
         if self.terrain.lake:
@@ -41,8 +48,7 @@ class Darkroom:
             )
         if self.lens.bends:
             image = self.lens.resample(image)
-        image = expose(blur(image, self.defects.blur_px[view]), self.defects.exposure[view])
-        save_photo(path, image, self.stamps[view], self.noise_levels, np.random.default_rng([self.seed, view]))
+        return expose(blur(image, self.defects.blur_px[view]), self.defects.exposure[view])
 
 
 def rendered_views(views: Views, lens: Lens) -> Views:

@@ -12,7 +12,7 @@ from aug3d_core.town.generator.noise import fractal, per_cell
 from aug3d_core.town.generator.plan import MARGIN_M, Ground, Plan
 
 _MAX_PX = 8192
-_FINEST_M = 0.07  # finer than a photograph's pixel on the ground (0.11 m at 640 px from 55 m)
+FINEST_M = 0.07  # finer than a photograph's pixel on the ground (0.11 m at 640 px from 55 m)
 
 # colour (sRGB 0..1), strength of the fine grain, of the coarse stains
 _LOOK = {
@@ -44,10 +44,12 @@ class GroundPicture:
     half_y_m: float
 
 
-def paint_ground(plan: Plan, length_m: float, width_m: float, rng: np.random.Generator) -> GroundPicture:
-    """Paint the plan's ground, as finely as fits into one texture."""
+def paint_ground(
+    plan: Plan, length_m: float, width_m: float, rng: np.random.Generator, texel_m: float = FINEST_M
+) -> GroundPicture:
+    """Paint the plan's ground, as finely as asked for and as fits into one texture."""
     half_x, half_y = length_m / 2 + MARGIN_M, width_m / 2 + MARGIN_M
-    pixel_m = max(_FINEST_M, 2 * max(half_x, half_y) / _MAX_PX)
+    pixel_m = max(texel_m, 2 * max(half_x, half_y) / _MAX_PX)
     shape = (round(2 * half_y / pixel_m), round(2 * half_x / pixel_m))
     kind = _labels(plan, half_x, half_y, shape)
     return GroundPicture(_colour(kind, pixel_m, rng), half_x, half_y)

@@ -10,6 +10,26 @@ from aug3d_core.town.generator.estates import ESTATES
 from aug3d_core.town.generator.plan import MARGIN_M, Ground, Plan, Rect
 from aug3d_core.town.generator.streets import Street, blocks_between, draw_streets, on_street, place_streets
 
+_DECKS = {
+    "mixed": [
+        "houses",
+        "flats",
+        "rows",
+        "park",
+        "houses",
+        "hall",
+        "rows",
+        "houses",
+        "flats",
+        "rows",
+        "houses",
+        "houses",
+    ],
+    "suburb": ["houses", "houses", "houses", "park", "houses", "houses", "rows", "houses"],
+    "dense": ["rows", "flats", "rows", "rows", "flats", "park"],
+    "industry": ["hall", "hall", "hall", "flats", "hall", "park"],
+}
+
 
 def make_plan(length_m: float, width_m: float, rng: np.random.Generator, buildings: Buildings = "mixed") -> Plan:
     """Lay out streets and fill every block between them."""
@@ -21,11 +41,11 @@ def make_plan(length_m: float, width_m: float, rng: np.random.Generator, buildin
     for block in blocks:
         plan.rect(Ground.LAWN, *block)
     draw_streets(plan, length_m, width_m, across, along, rng)
-    if buildings != "mixed":
+    if buildings in ESTATES:
         for block in blocks:
             ESTATES[buildings](plan, block, rng)
         return plan
-    for block, use in zip(blocks, _uses(len(blocks), rng), strict=True):
+    for block, use in zip(blocks, _uses(_DECKS[buildings], len(blocks), rng), strict=True):
         FILL[use if block.y1 - block.y0 > NEEDS_M[use] else "houses"](plan, block, rng)
     return plan
 
@@ -59,8 +79,7 @@ def _country(
         plan.rect(Ground.FIELD, low, -y * 0.8, high, -2)
 
 
-def _uses(count: int, rng: np.random.Generator) -> list[str]:
-    """Deal out what blocks are used for: some of everything, houses the most."""
-    deck = ["houses", "flats", "rows", "park", "houses", "hall", "rows", "houses", "flats", "rows", "houses", "houses"]
+def _uses(deck: list[str], count: int, rng: np.random.Generator) -> list[str]:
+    """Deal out what blocks are used for: some of everything in the deck."""
     dealt = (deck * (count // len(deck) + 1))[:count]
     return [str(use) for use in rng.permutation(dealt)]

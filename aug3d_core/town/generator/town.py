@@ -13,9 +13,10 @@ from aug3d_core.town.generator.atlas import Atlas
 from aug3d_core.town.generator.buildings import add_building
 from aug3d_core.town.generator.cars import add_car
 from aug3d_core.town.generator.model import Model, TexturedMesh
-from aug3d_core.town.generator.painted_ground import GroundPicture, paint_ground
-from aug3d_core.town.generator.plan import Building
+from aug3d_core.town.generator.painted_ground import FINEST_M, GroundPicture, paint_ground
+from aug3d_core.town.generator.plan import Building, Tree
 from aug3d_core.town.generator.planning import make_plan
+from aug3d_core.town.generator.season import in_season
 from aug3d_core.town.generator.swatches import add_swatches
 from aug3d_core.town.generator.terrain import Terrain, bend
 from aug3d_core.town.generator.trees import add_hedge, add_tree
@@ -44,8 +45,8 @@ class Town:
     footprints: tuple[Footprint, ...]
 
 
-def build_town(config: TownConfig, terrain: Terrain, rng: np.random.Generator) -> Town:
-    """Plan, paint and build a town; the same generator state gives the same town."""
+def build_town(config: TownConfig, terrain: Terrain, rng: np.random.Generator, texel_m: float = FINEST_M) -> Town:
+    """Plan, paint and build a town; the same generator state gives the same town. texel_m: of the ground's texture."""
     plan = make_plan(config.length_m, config.width_m, rng, config.buildings)
     if terrain.lake:
         terrain.lake.flood(plan)
@@ -57,20 +58,27 @@ def build_town(config: TownConfig, terrain: Terrain, rng: np.random.Generator) -
         height = add_building(model, atlas, swatches, replace(building, bare_roof=config.bare_roofs), own_rng)
         footprints.append(Footprint(_outline(building), height, building.use))
         levels.append((first, model.count, building))
-    for tree in plan.trees:
+    for tree in _share_of(plan.trees, config.trees_share):
         add_tree(model, swatches, tree, rng)
     for hedge in plan.hedges:
         add_hedge(model, swatches, hedge, rng)
     for frame in plan.cars:
         add_car(model, swatches, frame, rng)
-    picture = paint_ground(plan, config.length_m, config.width_m, rng)
+    picture = paint_ground(plan, config.length_m, config.width_m, rng, texel_m)
     vertices, triangles, patches, local = model.arrays()
     if terrain.levels_buildings:
         for first, end, building in levels:
             vertices[first:end] = _levelled(vertices[first:end], building, terrain)
     packed = atlas.pack()
     things = TexturedMesh(bend(vertices, terrain), triangles, packed.uv(patches, local))
-    return Town(_ground_mesh(picture, terrain), picture.image, things, packed.image, tuple(footprints))
+    ground_image = in_season(picture.image, config.season, ground=True)
+    things_image = in_season(packed.image, config.season)
+    return Town(_ground_mesh(picture, terrain), ground_image, things, things_image, tuple(footprints))
+
+
+def _share_of(trees: list[Tree], share: float) -> list[Tree]:
+    """Return a share of the trees, spread over all of them."""
+    return [tree for n, tree in enumerate(trees) if int((n + 1) * share) > int(n * share)]
 
 
 def _levelled(points: Float[np.ndarray, "n 3"], b: Building, terrain: Terrain) -> Float[np.ndarray, "n 3"]:

@@ -1,0 +1,148 @@
+"""Versions of a collection's model: `collections/<name>/<time>/` holds the report and `metrics.json` of one training."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aug3d_core.collections.made import HOLD_OUT, MadeCollection
+from aug3d_core.run.atomic_file import write_synced
+from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.store import layout
+from aug3d_core.store.published import RULES
+from aug3d_core.store.record import Record
+from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.store import Store
+from aug3d_core.store.timed import timed_folder
+from aug3d_core.store.usage import named
+
+_NVS = "test_psnr_mean"
+
+
+def new_version(store: Store, name: str) -> Path:
+    """Create the folder of a new version, named by the time in UTC."""
+    return timed_folder(store.root / layout.COLLECTIONS / check_scene_name(name))
+
+
+def versions(store: Store, name: str) -> list[Path]:
+    """Return the folders of the versions that count, oldest first."""
+    folder = store.root / layout.COLLECTIONS / check_scene_name(name)
+    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}"))
+
+
+def version_metrics(version: Path) -> dict[str, Any]:
+    """Return the `metrics.json` of a version."""
+    return json.loads((version / layout.METRICS).read_bytes())
+
+
+def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
+    """Write a version's `metrics.json`; it counts from this moment."""
+    write_synced(version / layout.METRICS, json.dumps(metrics, indent=1).encode())
+
+
+def collection_metrics(name: str, made: MadeCollection, notes: list[str], code: str, seconds: float) -> dict[str, Any]:
+    """Return what `metrics.json` says of a version: each scene with its part and its scores, the training, the objects."""
+    assert made.training
+    members = {
+        scene: {
+            "role": member.role,
+            "data": {data: {"key": record.key, **_size(record)} for data, record in member.data.items()},
+            **({"trouble": member.trouble, "remedy": member.remedy} if member.trouble else {}),
+        }
+        for scene, member in made.members.items()
+    }
+    tests = {data: {"role": _role(made, data), **record.metrics} for data, record in made.evaluations.items()}
+    troubled = [scene for scene, member in made.members.items() if member.trouble]
+    degraded = bool(troubled or made.troubles) or any(record.state == "degraded" for record in made.records)
+    return {
+        "collection": name,
+        "state": "degraded" if degraded else "ok",
+        "git": code,
+        "seconds": round(seconds, 1),
+        "scenes": members,
+        "tests": tests,
+        "untested": made.troubles,
+        "training": {
+            "key": made.training.key,
+            "cpu_seconds": made.training.cpu_seconds,
+            "peak_mib": made.training.peak_mib,
+            **made.training.metrics,
+        },
+        "notes": [*notes, *made.training.notes],
+        "objects": [list(item) for item in named(made.records)],
+    }
+
+
+def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most_psnr_drop_db: float) -> str | None:
+    """Return why a version must not replace the published one, or None if it may.
+
+    Each test is compared with itself, where its photographs and rules are the same. A version that lost a scene of the
+    published one to an error is not published.
+    """
+    if not metrics["tests"]:
+        return "no scene of it has a test"
+    for data, then in (before or {}).get("tests", {}).items():
+        now = metrics["tests"].get(data)
+        if now is None:
+            lost = data in metrics["untested"] or metrics["scenes"].get(data, {}).get("trouble")
+            if lost:
+                return f"{data} could not be judged: {lost}"
+            continue  # it was taken out of the collection
+        if any(now.get(rule) != then.get(rule) for rule in RULES):
+            continue
+        drop_db = then[_NVS] - now[_NVS]
+        if drop_db > most_psnr_drop_db:
+            return (
+                f"{data}: PSNR fell by {drop_db:.2f} dB, from {then[_NVS]:.2f} to {now[_NVS]:.2f} dB;"
+                f" at most {most_psnr_drop_db:g} dB may be lost"
+            )
+    return None
+
+
+def published(store: Store, name: str) -> Path | None:
+    """Return the folder of the published version; None if there is none. Raises StoreError if it is named and gone."""
+    pointer = _pointer(store, name)
+    try:
+        version = pointer.parent / Path(str(json.loads(pointer.read_bytes())["version"])).name
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"{pointer} does not name a version", "delete it") from error
+    if not (version / layout.METRICS).is_file():
+        raise StoreError(f"the published version {version.name} of collection {name!r} is gone", f"delete {pointer}")
+    return version
+
+
+def publish(store: Store, name: str, version: Path) -> None:
+    """Name a version as the one to use."""
+    write_synced(_pointer(store, name), json.dumps({"version": version.name}).encode())
+
+
+def model_of(store: Store, name: str) -> Record:
+    """Return the trained model of a collection: of its published version, else of its newest; raises UsageError."""
+    found = versions(store, name)
+    if not found:
+        raise UsageError(f"collection {name!r} has no model yet", f"train it: aug3d collections train {name}")
+    metrics = version_metrics(published(store, name) or found[-1])
+    record = store.find("training", metrics["training"]["key"])
+    if record is None:
+        raise StoreError(f"the model of collection {name!r} is gone from {store.root}", "train the collection again")
+    return record
+
+
+def _size(record: Record) -> dict[str, Any]:
+    return {
+        name: record.metrics[name]
+        for name in ("views", "groups_real", "groups_rendered", "groups_test")
+        if name in record.metrics
+    }
+
+
+def _role(made: MadeCollection, data: str) -> str:
+    return next((member.role for member in made.members.values() if data in member.data), HOLD_OUT)
+
+
+def _pointer(store: Store, name: str) -> Path:
+    return store.root / layout.COLLECTIONS / check_scene_name(name) / layout.PUBLISHED

@@ -1,0 +1,50 @@
+"""First weights of the sweep: those that aug3d ships, or those of a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file
+from torch import Tensor, nn
+
+from aug3d_core.heads.sweep.config import TOWNS
+from aug3d_core.run.digest import file_digest
+from aug3d_core.run.errors import InputError
+
+SHIPPED = Path(__file__).with_name("towns.safetensors")
+DIGEST = ""  # SHA-256
+_OTHERWISE = "set training.head.start=random, or name the model.safetensors of a sweep with the same settings"
+
+
+def load_first_weights(head: nn.Module, start: str) -> None:
+    """Give a head the weights that are named; raises InputError that names what is wrong with them."""
+    file = SHIPPED if start == TOWNS else Path(start).expanduser()
+    if start == TOWNS and file_digest(file) != DIGEST:
+        raise InputError(f"{file} is not what aug3d ships", "install aug3d again, or set training.head.start=random")
+    _load(head, file, _read(file))
+
+
+def _read(file: Path) -> dict[str, Tensor]:
+    try:
+        return load_file(file)
+    except FileNotFoundError as error:
+        raise InputError(f"training.head.start: there is no file {file}", _OTHERWISE) from error
+    except (SafetensorError, OSError, ValueError) as error:
+        raise InputError(
+            f"training.head.start: {file} is damaged, or no safetensors file ({error})", _OTHERWISE
+        ) from error
+
+
+def _load(head: nn.Module, file: Path, weights: dict[str, Tensor]) -> None:
+    own = {name: tuple(value.shape) for name, value in head.state_dict().items()}
+    if missing := sorted(own.keys() - weights.keys()):
+        raise InputError(f"training.head.start: {file} is of another head: it has no {missing[0]}", _OTHERWISE)
+    if other := sorted(name for name in own if tuple(weights[name].shape) != own[name]):
+        found, wanted = (" x ".join(map(str, shape)) for shape in (weights[other[0]].shape, own[other[0]]))
+        raise InputError(
+            f"training.head.start: {file} is of other settings: {other[0]} is {found}, here {wanted}"
+            " (training.head.features must be the same)",
+            _OTHERWISE,
+        )
+    head.load_state_dict({name: weights[name] for name in own})

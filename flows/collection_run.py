@@ -1,0 +1,85 @@
+"""Train a collection: the flow that the command line, a schedule or a user of the Prefect UI starts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from prefect import flow
+from prefect.client.schemas.objects import State
+from prefect.states import Completed, Failed
+from pydantic import Field
+
+from aug3d_core.collections import page
+from aug3d_core.collections.entry import CollectionEntry
+from aug3d_core.collections.files import COLLECTIONS
+from aug3d_core.collections.flights import overlapping
+from aug3d_core.collections.made import make_collection, step_count
+from aug3d_core.collections.versions import (
+    collection_metrics,
+    held_back,
+    new_version,
+    publish,
+    published,
+    version_metrics,
+    versions,
+    write_metrics,
+)
+from aug3d_core.scene_files import read_each
+from aug3d_core.store import layout
+from aug3d_core.store.code_version import code_version
+from aug3d_core.store.store import Store
+from aug3d_core.store.usage import named
+from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED
+from flows.settings import home
+from tasks.build_task import through_prefect
+from tasks.collections import log_collection
+from tasks.progress import reporter
+from tasks.run_locks import run_lock
+
+
+@flow(name="collection", flow_run_name="{collection}")
+def train_collection(
+    collection: Annotated[str, Field(description="A collection; see aug3d collections list.")],
+) -> State:
+    """Make the scenes of a collection where something changed, train one model on them, and judge it on each.
+
+    A scene that fails does not stop the others. The model is published unless a scene is worse than in the published version.
+    """
+    store = Store(home())
+    with run_lock(store.root), store.using():
+        return _train(store, collection, COLLECTIONS.read(store, collection))
+
+
+def _train(store: Store, name: str, entry: CollectionEntry) -> State:
+    started, done, total = time.monotonic(), 0, step_count(entry)
+
+    def say(what: str) -> None:
+        nonlocal done
+        done += 1
+        reporter("collection")(done, max(total, done), what)
+
+    made = make_collection(store, entry, read_each(store), lambda of: through_prefect(store, of), say)
+    assert made.training
+    newest, last = versions(store, name)[-1:], published(store, name)
+    objects = [list(item) for item in named(made.records)]
+    if last and newest == [last] and version_metrics(last)["objects"] == objects:
+        return Completed(name=UNCHANGED, message=f"nothing changed since {last.name}, which is published")
+    seconds = time.monotonic() - started
+    metrics = collection_metrics(name, made, overlapping(store, made.members), code_version(), seconds)
+    version = new_version(store, name)
+    page.write(store, metrics, made, version / layout.REPORT)
+    write_metrics(version, metrics)
+    against = held_back(metrics, version_metrics(last) if last else None, entry.publish.most_psnr_drop_db)
+    if not against:
+        publish(store, name, version)
+    why = log_collection(store, version, made.training, published=not against)
+    ending = f"; {why}" if why else ""
+    if against:
+        return Failed(name=NOT_PUBLISHED, message=f"{version.name} is not published: {against}{ending}")
+    return Completed(name=PUBLISHED, message=f"{version.name} is published: {_reached(metrics)}{ending}")
+
+
+def _reached(metrics: Mapping[str, Any]) -> str:
+    return ", ".join(f"{data} {told['test_psnr_mean']:.2f} dB" for data, told in metrics["tests"].items())
