@@ -1,4 +1,4 @@
-"""`aug3d predict`: what a scene's model is trained for - a view that no photograph shows."""
+"""`aug3d predict`: what a model is trained for - views that no photograph shows."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from aug3d_core.run.errors import UsageError
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import last_version, object_of, records_of, step_objects
 from aug3d_core.store.store import Store
+from flows.preview import TOWNS, model_named, preview
 from flows.refusal import typed_errors
 
 HOME = Path("aug3d_data")
@@ -30,7 +31,18 @@ Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everyt
 
 
 def predict(
-    scene: Annotated[str, typer.Argument(help="Name of a scene with a trained model.")],
+    scene: Annotated[str | None, typer.Argument(help="Name of a scene with a trained model.")] = None,
+    photos: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Instead of a scene: a folder of photographs that aug3d has never seen."),
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The model of this collection or scene; towns: the one that aug3d ships. Default: the scene's own.",
+        ),
+    ] = None,
     inputs: Annotated[
         str | None,
         typer.Option(metavar="PHOTO,...", help="Photographs to predict from, by id or name. Default: the nearest."),
@@ -58,14 +70,26 @@ def predict(
 
     Without options: a view amid the photographs that look at the middle of the scene. With --poses: from any undistorted
     photographs with poses, in the scene's world or with a point cloud. Exit code 3: most of what is in view no input shows.
+
+    With --photos: finds the poses of a folder of photographs, and predicts some from the others and a flight, in minutes.
     """
     with typed_errors(as_json):
+        if (scene is None) == (photos is None):
+            raise UsageError("predict takes a scene, or --photos DIR", "give one of them")
+        if photos is not None:
+            if any(option is not None for option in (inputs, like, at, look_at, poses)):
+                raise UsageError(
+                    "--photos goes with --model and --out alone", "run the photographs as a scene for the rest"
+                )
+            raise typer.Exit(preview(Store(home), photos, model or TOWNS, out, as_json))
+        assert scene is not None
         if out is not None and (out.suffix.lower() != ".png" or not out.parent.is_dir()):
             raise UsageError(f"--out {out} is no PNG file in a folder that exists", "name one like view.png")
         store = Store(home)
         with store.using():
             version = last_version(store, scene)
-            sources = {step: source_of(store, object_of(store, version, step)) for step in PREDICTION.inputs}
+            sources = {"dataset": source_of(store, object_of(store, version, "dataset"))}
+            sources["training"] = model_named(store, model or scene)
             if poses is not None:
                 sources["given"] = _outside(poses)
             photos = poses or store.files_dir(object_of(store, version, "photos"))

@@ -69,6 +69,12 @@ def usual_of(preset: str) -> str:
     return FIRST if preset == "paper" else DEFAULT
 
 
+def shipped() -> tuple[Path, str, tuple[str, ...]]:
+    """Return the folder of the model that aug3d ships, of the default head; its digest; and the code that runs it."""
+    module = _module(DEFAULT)
+    return module.SHIPPED, module.SHIPPED_DIGEST, module.CONFIG().modules
+
+
 def title_of(name: str | None) -> str:
     """Return what reports call a head; its name if it is none of today's. Runs up to 0.6 told none: they had the first."""
     name = name or FIRST

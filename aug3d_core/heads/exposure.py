@@ -6,6 +6,7 @@ saw. What the network learns is then right up to that factor, if it never sees t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -13,6 +14,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 _MIDDLE, _SPREAD = 0.5, 0.25  # what every group's mean and standard deviation become
+_DARKEST, _BRIGHTEST = 0.03, 0.97  # colours beyond say little of an exposure
+_MOST_GAIN, _RIDGE = 2.0, 1e-3
 _LEAST_SPREAD = 0.02  # of images in [0, 1]: noise is not blown up to a picture
 
 
@@ -46,3 +49,35 @@ class Exposure:
     def _like(self, values: Tensor) -> tuple[Tensor, Tensor]:
         shape = (-1, *[1] * (values.dim() - 1))
         return self.mean.view(shape), self.spread.view(shape)
+
+
+def gains(
+    colours: Float[Tensor, "v 3 h w"], seen: Float[Tensor, "v 1 h w"], least_px: int = 64
+) -> Float[Tensor, "v 3"]:
+    """Return factors that make views of the same points alike, in each channel; their logarithms have zero mean.
+
+    For each two views that both see at least `least_px` points the median of their colours' ratio counts, as often as there
+    are points. A view that shares none keeps its colours. A factor is at most _MOST_GAIN, or one by it.
+    """
+    views = len(colours)
+    usable = (
+        (seen > 0) & (colours > _DARKEST).all(dim=1, keepdim=True) & (colours < _BRIGHTEST).all(dim=1, keepdim=True)
+    )
+    logs = colours.clamp(min=_DARKEST).log().flatten(2)
+    equations = torch.zeros(views, views, device=colours.device)
+    wanted = torch.zeros(views, 3, device=colours.device)
+    for one in range(views):
+        for other in range(one + 1, views):
+            both = (usable[one] & usable[other]).flatten()
+            count = int(both.sum())
+            if count < least_px:
+                continue
+            apart = (logs[one][:, both] - logs[other][:, both]).median(dim=1).values
+            equations[[one, other], [one, other]] += count
+            equations[[one, other], [other, one]] -= count
+            wanted[one] -= count * apart
+            wanted[other] += count * apart
+    ridge = _RIDGE * equations.diagonal().mean().clamp(min=1.0)
+    found = torch.linalg.solve(equations + ridge * torch.eye(views, device=colours.device), wanted)
+    limit = math.log(_MOST_GAIN)
+    return found.clamp(-limit, limit).exp()

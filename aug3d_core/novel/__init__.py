@@ -1,7 +1,8 @@
-"""The stage `prediction`, of the command `aug3d predict`: a view that no photograph shows.
+"""The stages of the command `aug3d predict`: a view that no photograph shows; photographs that nobody has seen before.
 
 config   which view, from which photographs
-stage    the stage: predict, draw, report
+preview  the stage `preview`: photographs with poses -> views and a flight, with a model of other places
+stage    the stage `prediction`: predict, draw, report
 views    what the settings leave open: inputs, camera; and what of the view the inputs show (numpy)
 outside  posed photographs from outside -> a scene (numpy)
 """

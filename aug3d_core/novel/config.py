@@ -1,4 +1,4 @@
-"""Settings of the stage `prediction`."""
+"""Settings of the stages `prediction` and `preview`."""
 
 from __future__ import annotations
 
@@ -19,3 +19,18 @@ class PredictionConfig(StageConfig):
     look_at: tuple[float, float, float] | None = Field(
         default=None, description="The point in the image's middle [world units]."
     )
+
+
+class PreviewConfig(StageConfig):
+    """How photographs are looked at before anything but their poses is known."""
+
+    width_px: int = Field(default=256, ge=8, le=4096, multiple_of=4, description="Width of every view [px].")
+    height_px: int = Field(default=192, ge=8, le=4096, multiple_of=4, description="Height of every view [px].")
+    input_views: int = Field(default=4, ge=1, le=16, description="Photographs that a view is predicted from [views].")
+    views: int = Field(
+        default=5,
+        ge=1,
+        le=1000,
+        description="Photographs that are predicted from the others, evenly along the flight [views].",
+    )
+    frames: int = Field(default=48, ge=0, le=10_000, description="Frames of the flight; 0: none [frames].")

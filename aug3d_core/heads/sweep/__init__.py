@@ -2,6 +2,6 @@
 
 config    its settings, and how it is trained in each preset
 head      loss and prediction: what training and judging see
-start     its first weights: towns.safetensors, which is shipped, or a file
+start     its first weights: of the model in towns/, which is shipped, or of a file
 network   features -> coarse and fine cost volumes -> depth -> blended colours
 """

@@ -11,6 +11,8 @@ from pydantic import Field
 from aug3d_core.heads.config import HeadConfig
 
 TOWNS, RANDOM = "towns", "random"  # first weights that are no file
+SHIPPED = Path(__file__).with_name("towns")  # a trained head as the stage training writes it: docs/weights.md
+SHIPPED_DIGEST = ""  # SHA-256 of its weights
 
 
 class SweepConfig(HeadConfig):

@@ -14,16 +14,18 @@ from torch.nn import functional as F
 
 from aug3d_core.dataset.batches import Group
 from aug3d_core.dataset.scene import RENDERED, Scene
-from aug3d_core.dataset.warp import Inputs, Target, on_device
-from aug3d_core.heads.exposure import Exposure
+from aug3d_core.dataset.warp import Inputs, Target, lookup, on_device
+from aug3d_core.heads.exposure import Exposure, gains
 from aug3d_core.heads.head import Head, Start, View, colour_measures, to_8_bit
 from aug3d_core.heads.sweep.config import RANDOM, TOWNS, SweepConfig
-from aug3d_core.heads.sweep.network import COARSE, Given, Seen, SweepNetwork
+from aug3d_core.heads.sweep.network import COARSE, Found, Given, Seen, SweepNetwork
 from aug3d_core.heads.sweep.start import load_first_weights
 
 _SOFT = 1e-2  # of colours in [0, 1]: below it an error counts squared, above it as it is
 _EDGES = 0.5  # weight of the error of differences between neighbouring pixels
 _HEIGHT_SOFT = 0.05  # the same of heights in the slab
+_PLANES = 0.1  # weight of the likelihood of the right planes, beside the error of the mean height
+_LEVEL = 0.3  # of the slab: about the ground, at which inputs are compared where no scaffold tells better
 _OFF, _WAVE_PX = 0.03, 16  # of the errors given to exact scaffolds: at most this spread [slabs], one in so many px
 
 Window = tuple[int, int, int, int]  # left, top, width, height, px
@@ -122,10 +124,12 @@ class SweepHead(Head):
         known = ((depth > 0) & (shown > 0)).float()
         truth = Target.of(scene, cut[0], window, self.device).height_of(depth)
         errors = []
-        for heights in seen.heights:
-            whole = F.interpolate(heights[None, None], size=depth.shape, mode="bilinear", align_corners=False)[0, 0]
+        for found in seen.found:
+            whole = F.interpolate(found.height[None, None], size=depth.shape, mode="bilinear", align_corners=False)[
+                0, 0
+            ]
             off = F.smooth_l1_loss(whole, truth, beta=_HEIGHT_SOFT, reduction="none")
-            errors.append((off * known).sum() / known.sum().clamp(min=1))
+            errors.append((off * known).sum() / known.sum().clamp(min=1) + _PLANES * _plane_error(found, truth, known))
         return torch.stack(errors).sum()
 
     def _colours(self, noise: torch.Generator | None) -> Callable[[Tensor], Tensor]:
@@ -157,17 +161,20 @@ class SweepHead(Head):
         start: Float[Tensor, "h w"] | None,
         colours: Callable[[Tensor], Tensor] = lambda rgb: rgb,
     ) -> Seen:
+        rays = Target.of(scene, target, window, self.device)
+        cameras = Inputs.of(scene, target, views, self.device)
+        scaffolds = None if start is None else self._tensor(scene.scaffold[views])[:, None]
         rgb = colours(self._tensor(scene.images[views]) / 255)
         alpha = self._tensor(scene.alpha[views])[..., None] / 255
+        rgb = _alike(rays, cameras, rgb, alpha, start, scaffolds)
         even = Exposure.of(rgb[None], alpha[None]).even(rgb[None])[0]
         given = Given(
             torch.cat([rgb, alpha], dim=-1).movedim(-1, 1),
             even.movedim(-1, 1).contiguous(),
-            None if start is None else self._tensor(scene.scaffold[views])[:, None],
+            scaffolds,
             start,
         )
-        rays = Target.of(scene, target, window, self.device)
-        return self.network(rays, Inputs.of(scene, target, views, self.device), given)
+        return self.network(rays, cameras, given)
 
     def _window(self, scene: Scene, noise: torch.Generator | None) -> Window:
         """Draw where to look at a target: a window of whole coarse features."""
@@ -182,6 +189,30 @@ class SweepHead(Head):
         return on_device(array, self.device)
 
 
+def _alike(
+    target: Target,
+    cameras: Inputs,
+    rgb: Float[Tensor, "v y x 3"],
+    alpha: Float[Tensor, "v y x 1"],
+    start: Float[Tensor, "h w"] | None,
+    scaffolds: Float[Tensor, "v 1 y x"] | None,
+) -> Float[Tensor, "v y x 3"]:
+    """Return the inputs with exposures that make them alike where they show the same points: those of the scaffold, or of a
+    level that is good enough for a median.
+    """
+    coarse = target.at_stride(COARSE)
+    if start is None:
+        depth = coarse.depth_at(torch.full_like(coarse.rise, _LEVEL))
+    else:
+        depth = F.interpolate(start[None, None], size=coarse.rise.shape, mode="nearest")[0, 0]
+    xy_px, inside = cameras.project(coarse, depth[None])
+    shown = lookup(torch.cat([rgb, alpha], dim=-1).movedim(-1, 1), xy_px, 1)[:, :, 0]
+    seen = inside & (shown[:, 3:] > 0.5) & (depth > 0)
+    if scaffolds is not None:
+        seen = seen & ~cameras.hidden(coarse, depth, scaffolds, xy_px)[:, None]
+    return (rgb * gains(shown[:, :3], seen.float())[:, None, None]).clamp(0, 1)
+
+
 def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:
     return to_8_bit(seen.colour.movedim(0, -1).cpu().numpy())
 
@@ -194,6 +225,20 @@ def _view(
 ) -> View:
     depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
     return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from, parts)
+
+
+def _plane_error(found: Found, truth: Float[Tensor, "h w"], known: Float[Tensor, "h w"]) -> Float[Tensor, ""]:
+    """Return how unlikely a volume holds the two heights about the true one: the mean of minus the logarithm of their share.
+
+    Compared at the middle pixel of each feature, where the depth is known and among the heights that were compared.
+    """
+    stride = round(truth.shape[-1] / found.height.shape[-1])
+    truth, known = (one[stride // 2 :: stride, stride // 2 :: stride] for one in (truth, known))
+    step = (found.compared[1] - found.compared[0]).clamp(min=1e-6)
+    near = (1 - (found.compared - truth).abs() / step).clamp(min=0)
+    among = known * (near.sum(dim=0) > 0.5)
+    unlikely = -(near * torch.log(found.share + 1e-5)).sum(dim=0)
+    return (unlikely * among).sum() / among.sum().clamp(min=1)
 
 
 def _nearest_first(scene: Scene, view: int, inputs: Int[np.ndarray, " v"]) -> Int[np.ndarray, " v"]:

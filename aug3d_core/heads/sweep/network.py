@@ -17,15 +17,24 @@ from aug3d_core.dataset.warp import Inputs, Target, lookup
 from aug3d_core.heads.sweep.config import SweepConfig
 
 COARSE, FINE = 4, 2  # px for each feature
-_NARROW = 8  # channels inside the volumes, and of the fine features
+_NARROW = 8  # channels of the fine features
+_INSIDE = 12  # channels inside the volumes
 _LEAST_SPREAD, _MOST_SPREAD = 0.5, 0.25  # of the fine planes: of a coarse step, and of the slab
 _BEYOND = 1.5  # spreads that the fine planes reach to either side
 _SLOPE = 0.1  # of rectifiers below 0
 _SCAFFOLD_SPREAD = 0.03  # of the slab: how far off a scaffold is taken to be
 
 
+class Found(NamedTuple):
+    """What a volume says of heights in the slab: those compared, the share of each, and their mean."""
+
+    compared: Float[Tensor, "p y x"]
+    share: Float[Tensor, "p y x"]
+    height: Float[Tensor, "y x"]
+
+
 class Seen(NamedTuple):
-    """A target as the network sees it. heights: in the slab, of the volumes, at their sizes.
+    """A target as the network sees it. found: by each volume, at its size.
 
     guesses: heights of what each input shows, from that input alone. seen: by some input.
     """
@@ -34,7 +43,7 @@ class Seen(NamedTuple):
     depth: Float[Tensor, "h w"]
     confidence: Float[Tensor, "h w"]
     seen: Bool[Tensor, "h w"]
-    heights: tuple[Float[Tensor, "_ _"], ...]
+    found: tuple[Found, ...]
     guesses: Float[Tensor, "v 1 _ _"]
 
 
@@ -75,27 +84,28 @@ class SweepNetwork(nn.Module):
         coarse_maps, fine_maps, guesses = self._features(given.even)
         half = target.at_stride(FINE)
         start, known = _start(target, given.start)
-        heights, confidence = [], torch.ones_like(half.rise)
+        volumes, confidence = [], torch.ones_like(half.rise)
         if known.all():
             middle, reach = start, torch.full_like(start, _SCAFFOLD_SPREAD)
         else:
-            low, spread, sure = self._coarse(target.at_stride(COARSE), inputs, coarse_maps)
-            heights.append(low)
+            coarse, spread, sure = self._coarse(target.at_stride(COARSE), inputs, coarse_maps)
+            volumes.append(coarse)
             reach = _at(half, spread).detach().clamp(_LEAST_SPREAD / self.config.planes, _MOST_SPREAD)
-            middle = torch.where(known, start, _at(half, low).detach())
+            middle = torch.where(known, start, _at(half, coarse.height).detach())
             reach = torch.where(known, torch.full_like(start, _SCAFFOLD_SPREAD), reach)
             confidence = torch.where(known, confidence, _at(half, sure))
         steps = torch.linspace(-_BEYOND, _BEYOND, self.config.fine_planes, device=middle.device)[:, None, None]
         steps = steps.expand(-1, *middle.shape)
-        share = self.fine(half, inputs, fine_maps, middle + steps * reach, steps, FINE)
+        compared = middle + steps * reach
+        share = self.fine(half, inputs, fine_maps, compared, steps, FINE)
         found = (share * steps).sum(dim=0)
         off = found * reach
-        heights.append(middle + off)
+        volumes.append(Found(compared, share, middle + off))
         step = 2 * _BEYOND / (self.config.fine_planes - 1)
         confidence = confidence * (share * ((steps - found).abs() <= step)).sum(dim=0)
-        depth = target.depth_at(self._sharp(target, given.start, off, heights[-1]))
+        depth = target.depth_at(self._sharp(target, given.start, off, middle + off))
         colour, seen = self.blend(target, inputs, depth, given, fine_maps)
-        return Seen(colour, depth, _at(target, confidence).detach(), seen, tuple(heights), guesses)
+        return Seen(colour, depth, _at(target, confidence).detach(), seen, tuple(volumes), guesses)
 
     @staticmethod
     def _sharp(
@@ -107,8 +117,8 @@ class SweepNetwork(nn.Module):
             return whole
         return torch.where(start > 0, target.height_of(start) + _at(target, off), whole)
 
-    def _coarse(self, target: Target, inputs: Inputs, maps: Float[Tensor, "v c y x"]) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the height that fits best, its spread, and the share of what is within a step and a half of it."""
+    def _coarse(self, target: Target, inputs: Inputs, maps: Float[Tensor, "v c y x"]) -> tuple[Found, Tensor, Tensor]:
+        """Return what fits, the spread of it, and the share of what is within a step and a half of the mean."""
         planes = self.config.planes
         heights = ((torch.arange(planes, device=maps.device) + 0.5) / planes)[:, None, None].expand(
             -1, *target.rise.shape
@@ -116,7 +126,7 @@ class SweepNetwork(nn.Module):
         share = self.coarse(target, inputs, maps, heights, heights, COARSE)
         low = (share * heights).sum(dim=0)
         spread = (share * (heights - low) ** 2).sum(dim=0).clamp(min=1e-8).sqrt()
-        return low, spread, (share * ((heights - low).abs() <= 1.5 / planes)).sum(dim=0)
+        return Found(heights, share, low), spread, (share * ((heights - low).abs() <= 1.5 / planes)).sum(dim=0)
 
     def _features(self, even: Float[Tensor, "v 3 y x"]) -> tuple[Tensor, Tensor, Tensor]:
         """Return the maps that the volumes compare (features, the colours themselves, guessed heights), and the guesses."""
@@ -150,12 +160,14 @@ class Volume(nn.Module):
 
     def __init__(self, features: int, deep: bool) -> None:
         super().__init__()
-        self.enter = nn.Conv2d(2 * (features + 3) + 4, _NARROW, 1)
-        self.near = PlaneConv(_NARROW, _NARROW)
-        self.wide = nn.Sequential(PlaneConv(_NARROW, 16, 2), PlaneConv(16, 16)) if deep else None
-        self.back = nn.Conv2d(16, _NARROW, 1) if deep else None
-        self.more = None if deep else PlaneConv(_NARROW, _NARROW)
-        self.leave = PlaneConv(_NARROW, 1, rectified=False)
+        wide = 2 * _INSIDE
+        self.enter = nn.Conv2d(2 * (features + 3) + 4, _INSIDE, 1)
+        self.near = PlaneConv(_INSIDE, _INSIDE)
+        self.wide = nn.Sequential(PlaneConv(_INSIDE, wide, 2), PlaneConv(wide, wide)) if deep else None
+        self.wider = nn.Sequential(PlaneConv(wide, wide, 2), PlaneConv(wide, wide)) if deep else None
+        self.back = nn.Conv2d(wide, _INSIDE, 1) if deep else None
+        self.more = PlaneConv(_INSIDE, _INSIDE)
+        self.leave = PlaneConv(_INSIDE, 1, rectified=False)
         self.trust = nn.Parameter(torch.tensor(3.0))  # log of the weight of plain colour differences: a sweep as such
 
     def forward(
@@ -178,10 +190,11 @@ class Volume(nn.Module):
         differ = variance[-3:].mean(dim=0)
         told = torch.stack([count / len(maps), place])
         x = self.near(self.enter(torch.cat([variance, mean[0], told, _mean(off, seen)[0], least]).movedim(1, 0)))
-        if self.wide is not None and self.back is not None:
-            x = x + _enlarged(self.back(self.wide(x)), x)
-        elif self.more is not None:
-            x = self.more(x)
+        if self.wide is not None and self.wider is not None and self.back is not None:
+            wide = self.wide(x)
+            wide = wide + _enlarged(self.wider(wide), wide)
+            x = x + _enlarged(self.back(wide), x)
+        x = self.more(x)
         logits = self.leave(x)[:, 0] - self.trust.exp() * differ * (count > 1) - 2.0 * (count < 2)
         return logits.softmax(dim=0)
 

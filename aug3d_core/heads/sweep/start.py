@@ -8,21 +8,21 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from aug3d_core.heads.sweep.config import TOWNS
+from aug3d_core.heads.files import MODEL_WEIGHTS
+from aug3d_core.heads.sweep.config import SHIPPED, SHIPPED_DIGEST, TOWNS
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
 
-SHIPPED = Path(__file__).with_name("towns.safetensors")
-DIGEST = ""  # SHA-256
 _OTHERWISE = "set training.head.start=random, or name the model.safetensors of a sweep with the same settings"
 
 
 def load_first_weights(head: nn.Module, start: str) -> None:
     """Give a head the weights that are named; raises InputError that names what is wrong with them."""
-    file = SHIPPED if start == TOWNS else Path(start).expanduser()
-    if start == TOWNS and file_digest(file) != DIGEST:
+    file = SHIPPED / MODEL_WEIGHTS if start == TOWNS else Path(start).expanduser()
+    weights = _read(file)
+    if start == TOWNS and file_digest(file) != SHIPPED_DIGEST:
         raise InputError(f"{file} is not what aug3d ships", "install aug3d again, or set training.head.start=random")
-    _load(head, file, _read(file))
+    _load(head, file, weights)
 
 
 def _read(file: Path) -> dict[str, Tensor]:

@@ -1,0 +1,60 @@
+"""Registered photographs as a scene, with nothing else made of them: to predict from, not to train on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.projection import middle_ground
+from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
+from aug3d_core.dataset.slab import slab_of
+from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.errors import InputError
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+
+
+def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: float, margin_share: float) -> Scene:
+    """Return all photographs that have a pose, at a size (width, height), over the ground that their points show."""
+    views, points, tracks = Views.load(sfm / VIEWS), Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
+    if not len(views):
+        raise InputError("no photograph has a pose", "give photographs that overlap")
+    slab, count = slab_of(points.xyz, outlier_share, margin_share), len(views)
+    fits = [fit(int(w), int(h), *size_px) for w, h in views.size]
+    intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
+    poses = homogeneous(invert(views.cam_from_world))
+    images, bounds = [], []
+    for view, (crop, pose) in enumerate(zip(fits, poses, strict=True)):
+        with Image.open(sfm / VIEW_IMAGES / image_name(int(views.photo_id[view]))) as image:
+            images.append(crop.colour(np.asarray(image.convert("RGB"))))
+        seen = depths_in(views.cam_from_world[view], points.xyz[tracks.point[tracks.view == view]])
+        seen = seen if len(seen) else depths_in(views.cam_from_world[view], points.xyz)
+        bounds.append(near_far(slab, pose, intrinsics[view], size_px, seen))
+    shape = (count, size_px[1], size_px[0])
+    scene = Scene(
+        images=np.stack(images),
+        alpha=np.full(shape, 255, np.uint8),
+        depth=np.zeros(shape, np.float16),
+        scaffold=np.zeros(shape, np.float16),
+        world_from_cam=poses,
+        intrinsics=intrinsics,
+        near_far=np.stack(bounds),
+        source=np.full(count, REAL, np.uint8),
+        photo_id=views.photo_id.astype(np.int32),
+        dome_id=np.full(count, -1, np.int32),
+        splits=np.full(count, SPLITS.index("support"), np.uint8),
+        groups={name: np.zeros((0, 1), np.int32) for name in GROUPS},
+        baseline_view=np.zeros(0, np.int32),
+        baseline_images=np.zeros((0, *shape[1:], 3), np.uint8),
+        baseline_alpha=np.zeros((0, *shape[1:]), np.uint8),
+        slab=slab,
+        scale=1.0,
+    )
+    away = [np.linalg.norm(middle_ground(scene, view) - pose[:3, 3]) for view, pose in enumerate(poses)]
+    return replace(scene, scale=float(np.median(away)))

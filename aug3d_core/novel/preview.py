@@ -1,0 +1,149 @@
+"""The stage `preview`: photographs with poses + a trained model -> views and a flight, before anything else is made.
+
+The model may be of another place. How good it is here is measured: some photographs are predicted from the others.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from scipy.spatial.transform import Rotation
+
+from aug3d_core.dataset.new_views import only, with_views
+from aug3d_core.dataset.photographs import scene_of_photographs
+from aug3d_core.dataset.projection import middle_ground
+from aug3d_core.dataset.rays import view_rays
+from aug3d_core.dataset.scene import Scene
+from aug3d_core.heads import saved
+from aug3d_core.heads.head import Head, View
+from aug3d_core.judging import panels, video
+from aug3d_core.judging.cheap_answers import ground_homography
+from aug3d_core.judging.inputs import chosen_inputs
+from aug3d_core.judging.scores import psnr
+from aug3d_core.novel.config import PreviewConfig
+from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
+from aug3d_core.novel.views import most_alike
+from aug3d_core.run.errors import InputError
+from aug3d_core.run.stage import Outcome, Progress
+
+OUTLIER_SHARE, MARGIN_SHARE = 0.005, 0.1  # of the slab, as the stage dataset measures it unless told otherwise
+FRAMES_PER_SECOND = 8
+_ACROSS = (0.1, 0.9)  # quantiles of the cameras along their longest line, between which the flight goes
+_NEAR = 24  # photographs that look nearest to a view: of these its inputs are chosen
+
+
+def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: Progress) -> Outcome:
+    """Predict some photographs from the others, and a flight across all of them."""
+    scene = scene_of_photographs(inputs["sfm"], (config.width_px, config.height_px), OUTLIER_SHARE, MARGIN_SHARE)
+    if len(scene) <= config.input_views:
+        raise InputError(
+            f"{len(scene)} photographs have a pose, and {config.input_views} and one more are needed",
+            "give more photographs that overlap",
+        )
+    head = saved.load(inputs["training"])
+    torch.set_num_threads(len(os.sched_getaffinity(0)))
+    chosen = np.unique(np.linspace(0, len(scene) - 1, config.views + 2).round().astype(int)[1:-1])
+    total = len(chosen) + config.frames
+    (out / PREVIEW_VIEWS).mkdir(exist_ok=True)
+    rows, scores, cheap = [], [], []
+    for done, target in enumerate(chosen):
+        progress(done, total, "photographs from the others")
+        given = inputs_of(scene, int(target), config.input_views)
+        view, plain = head.predict(scene, int(target), given), ground_homography(scene, int(target), given)
+        truth = scene.images[target]
+        scores.append(psnr(truth, view.colour))
+        cheap.append(psnr(truth, plain))
+        name = f"photo_{scene.photo_id[target]:06d}.png"
+        panels.save(view.colour, out / PREVIEW_VIEWS / name)
+        rows.append(
+            [
+                (f"photo {scene.photo_id[target]}", truth),
+                (f"prediction {scores[-1]:.1f} dB", view.colour),
+                *_depth(view),
+            ]
+        )
+        rows[-1].append((f"homography {cheap[-1]:.1f} dB", plain))
+    panels.save(panels.grid(rows), out / PREVIEW_SHEET)
+    seen = _fly(head, scene, config, out, lambda frame: progress(len(chosen) + frame, total, "flight"))
+    progress(total, total, "done")
+    return Outcome(
+        metrics={
+            "head": head.config.name,
+            "photographs": len(scene),
+            "preview_psnr": round(float(np.mean(scores)), 3),
+            "cheap_homography": round(float(np.mean(cheap)), 3),
+            "over_homography_db": round(float(np.mean(scores) - np.mean(cheap)), 3),
+            "flight_seen_share": round(seen, 4),
+        },
+        notes=("each of these photographs was predicted without itself; its neighbours were there",),
+        pictures={"Photographs predicted from the others": PREVIEW_SHEET, "Flight": PREVIEW_FLIGHT},
+    )
+
+
+def inputs_of(scene: Scene, target: int, count: int) -> Int[np.ndarray, " v"]:
+    """Return the photographs that add most to what is seen of a view's ground, as the test chooses them over a scaffold."""
+    photos = np.flatnonzero((scene.photo_id >= 0) & (np.arange(len(scene)) != target))
+    spots = np.stack([middle_ground(scene, int(view)) for view in photos])
+    away = np.linalg.norm(spots - middle_ground(scene, target), axis=1)
+    support = most_alike(scene, target, photos[np.argsort(away, kind="stable")[:_NEAR]])
+    rows = np.append(target, support)
+    over_ground = only(scene, rows)
+    ground = [_ground_depth(over_ground, view) for view in range(len(rows))]
+    over_ground = replace(over_ground, scaffold=np.stack(ground).astype(np.float16))
+    return rows[chosen_inputs(over_ground, 0, np.arange(1, len(rows)), count)]
+
+
+def _ground_depth(scene: Scene, view: int) -> Float[np.ndarray, "h w"]:
+    """Return the depth of the ground plane in a view; 0 where it shows none."""
+    rays = view_rays(scene, view, slab_bounds=False)
+    depth = scene.slab.meet(rays.origins, rays.directions, 0.0)
+    return np.where(np.isfinite(depth), depth, 0.0).reshape(scene.height_px, scene.width_px)
+
+
+def across(scene: Scene, frames: int) -> Float[np.ndarray, "f 4 4"]:
+    """Return the poses of a straight flight along the longest line through the cameras, all looking one usual way."""
+    eyes = scene.world_from_cam[:, :3, 3]
+    middle = np.median(eyes, axis=0)
+    line = np.linalg.svd(eyes[:, :2] - middle[:2], full_matrices=False)[2][0]
+    along = (eyes[:, :2] - middle[:2]) @ line
+    height = np.median(scene.slab.height(eyes))
+    usual = usual_rotation(scene)
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    for pose, at in zip(poses, np.linspace(*np.quantile(along, _ACROSS), frames), strict=True):
+        near = eyes[np.argsort(np.abs(along - at), kind="stable")[:_NEAR], :2]
+        x, y = at * line + middle[:2] + line[::-1] * [-1, 1] * np.median((near - middle[:2]) @ (line[::-1] * [-1, 1]))
+        z = scene.slab.a * x + scene.slab.b * y + scene.slab.c + height
+        pose[:3, :3], pose[:3, 3] = usual, (x, y, z)
+    return poses
+
+
+def usual_rotation(scene: Scene) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation of the camera that is turned least against all others."""
+    turns = Rotation.from_matrix(scene.world_from_cam[:, :3, :3])
+    apart = [np.median((turn.inv() * turns).magnitude()) for turn in turns]
+    return scene.world_from_cam[int(np.argmin(apart)), :3, :3]
+
+
+def _fly(head: Head, scene: Scene, config: PreviewConfig, out: Path, report: Callable[[int], None]) -> float:
+    if not config.frames:
+        return 0.0
+    intrinsics = np.median(scene.intrinsics, axis=0)
+    wider, frames = with_views(scene, across(scene, config.frames), intrinsics, np.arange(len(scene)))
+    shown, seen = [], []
+    for number, frame in enumerate(frames):
+        report(number)
+        view = head.predict(wider, int(frame), inputs_of(wider, int(frame), config.input_views))
+        shown.append(view.colour)
+        seen.append(1.0 if view.seen is None else float(view.seen.mean()))
+    video.save(shown, out / PREVIEW_FLIGHT, FRAMES_PER_SECOND)
+    return float(np.mean(seen))
+
+
+def _depth(view: View) -> list[tuple[str, np.ndarray]]:
+    return [] if view.depth is None else [("its depth", panels.depth_colours(view.depth))]

@@ -1,0 +1,117 @@
+"""`aug3d predict --photos DIR`: photographs that aug3d has never seen -> poses, views, a flight. And models by their names."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+
+from aug3d_core.collections.files import COLLECTIONS
+from aug3d_core.collections.versions import model_of, versions
+from aug3d_core.factory.build import build, work_of
+from aug3d_core.factory.config import AUTO, scene_config
+from aug3d_core.factory.material import Material, Source, source_of
+from aug3d_core.factory.stages import PREVIEW, TO_POSES
+from aug3d_core.factory.walk import Visit, walk
+from aug3d_core.heads.config import shipped
+from aug3d_core.novel.config import PreviewConfig
+from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
+from aug3d_core.run.errors import UsageError
+from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import last_version, object_of
+from aug3d_core.store.scenes import scenes as made_scenes
+from aug3d_core.store.store import Store
+
+TOWNS = "towns"  # the model that is shipped
+
+
+def model_named(store: Store, name: str) -> Source:
+    """Return the model of a collection or of a scene as an input of a stage, or the shipped one; raises UsageError."""
+    if name == TOWNS:
+        folder, digest, modules = shipped()
+        return Source(path=folder, digest=digest, modules=modules)
+    if versions(store, name):
+        return source_of(store, model_of(store, name))
+    if name in made_scenes(store):
+        return source_of(store, object_of(store, last_version(store, name), "training"))
+    known = sorted({*made_scenes(store), *(one for one in COLLECTIONS.read_each(store) if versions(store, one))})
+    raise UsageError(f"there is no model {name!r} in {store.root}", f"models here: {', '.join([TOWNS, *known])}")
+
+
+def preview(store: Store, photos: Path, model: str, out: Path | None, as_json: bool) -> int:
+    """Find the poses of photographs, and predict views of them; returns the exit code."""
+    if not photos.is_dir():
+        raise UsageError(f"--photos {photos} is no folder", "give the folder that holds the photographs")
+    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise UsageError(f"--out {out} is no new or empty folder", "name one that does not exist")
+    console, started = Console(stderr=as_json), time.monotonic()
+    with store.using(), console.status("finding poses ...") as status:
+        trained = model_named(store, model)
+
+        def make(visit: Visit):
+            assert visit.work
+            name = visit.step.name
+            status.update(f"{name} ...")
+            built = build(store, visit.work, partial(_say, status, name))
+            console.print(
+                f"{name}: {built.record.seconds:.0f} s{' (in the store)' if built.cached else ''}", highlight=False
+            )
+            return built
+
+        material = Material(photos=photos.resolve())
+        records: dict[str, Record] = {}
+        for visit in walk(store, TO_POSES, scene_config(AUTO), material, make):
+            assert visit.record
+            records[visit.step.name] = visit.record
+        status.update("views and flight ...")
+        sources = {"sfm": source_of(store, records["sfm"]), "training": trained}
+        record = build(
+            store, work_of(PREVIEW, PreviewConfig(), sources), partial(_say, status, "views and flight")
+        ).record
+        folder = _handed_over(store.files_dir(record), out)
+    told = {
+        "state": record.state,
+        "model": model,
+        "sheet": str(folder / PREVIEW_SHEET),
+        "flight": str(folder / PREVIEW_FLIGHT),
+        "views": str(folder / PREVIEW_VIEWS),
+        "registered": records["sfm"].metrics.get("registered"),
+        "metrics": record.metrics,
+        "notes": [*(note for one in records.values() for note in one.notes), *record.notes],
+        "seconds": round(time.monotonic() - started, 1),
+    }
+    if as_json:
+        print(json.dumps(told, indent=1))
+        return 0
+    figures = record.metrics
+    console.print(f"\n{figures['photographs']} photographs have a pose", highlight=False)
+    console.print(
+        f"photographs predicted from others: {figures['preview_psnr']:.2f} dB,"
+        f" {figures['over_homography_db']:+.2f} dB against a homography over the ground",
+        highlight=False,
+    )
+    for what in ("sheet", "flight", "views"):
+        console.print(f"{what:>7}  {told[what]}", highlight=False, soft_wrap=True, markup=False)
+    for note in told["notes"]:
+        console.print(f"[yellow]note[/] {note}", highlight=False)
+    console.print(f"{told['seconds']:.0f} s in all", highlight=False)
+    return 0
+
+
+def _say(status, name: str, done: int, total: int, what: str) -> None:
+    status.update(f"{name}: {done} of {total} {what}")
+
+
+def _handed_over(files: Path, out: Path | None) -> Path:
+    """Return where the pictures are: in the store, or in the folder that the user wanted."""
+    if out is None:
+        return files
+    out.mkdir(parents=True, exist_ok=True)
+    for name in (PREVIEW_SHEET, PREVIEW_FLIGHT):
+        shutil.copyfile(files / name, out / name)
+    shutil.copytree(files / PREVIEW_VIEWS, out / PREVIEW_VIEWS)
+    return out
