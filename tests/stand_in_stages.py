@@ -33,6 +33,8 @@ class StandIn:
     def __init__(self) -> None:
         self.computed: list[str] = []
         self.grew: list[bool] = []
+        self.given: dict[str, set[str]] = {}  # names of the inputs of a stage, the last time that it was computed
+        self.one_fold = True  # whether a step may read one fold only
         self.fails: Callable[[str, Made], str] = lambda stage, made: ""  # "cause: problem" of a stage that shall fail
 
     def maker(self, store: Store) -> Make:
@@ -47,7 +49,10 @@ class StandIn:
         stage, config, key = work.stage, work.config, work.key
         given = {name: source.path for name, source in work.sources.items()}
         read = [json.loads((path / MADE).read_text()) for path in given.values() if (path / MADE).exists()]
-        assert len({made["grouping"]["fold"] for made in read if "grouping" in made}) <= 1, "a step reads one fold only"
+        self.given[stage.name] = set(given)
+        assert not self.one_fold or len({made["grouping"]["fold"] for made in read if "grouping" in made}) <= 1, (
+            "a step reads one fold only"
+        )
         made: Made = {name: settings for inputs in read for name, settings in inputs.items()}
         made[stage.name] = config.model_dump(mode="json")
         if problem := self.fails(stage.name, made):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -61,7 +61,7 @@ class CollectionEntry(Frozen):
         return settings
 
     @model_validator(mode="after")
-    def _has_parts(self) -> Self:
+    def _has_parts(self) -> CollectionEntry:
         if both := [name for name in self.train if name in self.hold_out]:
             raise ValueError(f"scene {both[0]} is to be trained on and held out: it can play one part")
         if not self.train and not self.towns:

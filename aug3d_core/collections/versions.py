@@ -86,7 +86,7 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
     for data, then in (before or {}).get("tests", {}).items():
         now = metrics["tests"].get(data)
         if now is None:
-            lost = data in metrics["untested"] or metrics["scenes"].get(data, {}).get("trouble")
+            lost = metrics["untested"].get(data) or metrics["scenes"].get(data, {}).get("trouble")
             if lost:
                 return f"{data} could not be judged: {lost}"
             continue  # it was taken out of the collection

@@ -70,3 +70,20 @@ def test_a_scene_in_folds_says_whose_model_it_is() -> None:
     (note,) = fold_notes(["training", "training_fold1", "evaluation_fold1"])
     assert "2 folds" in note
     assert "first fold's" in note
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ((), "predict takes a scene, or --photos DIR"),
+        (("any", "--photos", "."), "predict takes a scene, or --photos DIR"),
+        (("--photos", "nowhere"), "--photos nowhere is no folder"),
+        (("--photos", ".", "--like", "3"), "--photos goes with --model and --out alone"),
+        (("--photos", ".", "--model", "nobody"), "there is no model 'nobody'"),
+        (("--photos", ".", "--out", "."), "--out . is no new or empty folder"),
+    ],
+)
+def test_photographs_of_nowhere(words: tuple[str, ...], problem: str, tmp_path: Path) -> None:
+    done = invoke(*words, "--home", tmp_path / "home")
+    assert done.exit_code == 2
+    assert problem in done.output.replace("\n", " ")

@@ -7,7 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.heads.exposure import Exposure
+from aug3d_core.heads.exposure import Exposure, gains
 
 
 def group(seed: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -43,3 +43,38 @@ def test_one_colour_and_nothing_at_all_stay_finite(alpha: float) -> None:
     exposure = Exposure.of(rgb, torch.full((1, 2, 4, 4, 1), alpha))
     assert torch.isfinite(exposure.even(rgb)).all()
     assert torch.allclose(exposure.restore(exposure.even(rgb)), rgb, atol=1e-5)
+
+
+def exposed(factors, seed=0):
+    """Return views of the same points, each with its own exposure, and that all see everything."""
+    colours = 0.2 + 0.3 * torch.rand((1, 3, 20, 30), generator=torch.Generator().manual_seed(seed))
+    views = colours * torch.tensor(factors)[:, None, None, None]
+    return views, torch.ones(len(factors), 1, 20, 30)
+
+
+def test_views_of_the_same_points_are_made_alike():
+    views, seen = exposed([1.0, 1.4, 0.7])
+    alike = views * gains(views, seen)[..., None, None]
+    assert torch.allclose(alike[1], alike[0], rtol=0.01)
+    assert torch.allclose(alike[2], alike[0], rtol=0.01)
+
+
+def test_moving_things_change_no_exposure():
+    views, seen = exposed([1.0, 1.2])
+    views[1, :, 4:10, 5:20] = 0.9
+    found = gains(views, seen)
+    assert torch.allclose(found[0] / found[1], torch.full((3,), 1.2), rtol=0.01)
+
+
+def test_a_view_that_shares_nothing_keeps_its_colours():
+    views, seen = exposed([1.0, 1.5, 0.6])
+    seen[2] = 0
+    found = gains(views, seen)
+    assert torch.allclose(found[2], torch.ones(3))
+    assert torch.allclose(found[0] / found[1], torch.full((3,), 1.5), rtol=0.01)
+
+
+def test_alone_or_in_the_dark_nothing_changes():
+    views, seen = exposed([1.0])
+    assert torch.equal(gains(views, seen), torch.ones(1, 3))
+    assert torch.equal(gains(torch.zeros(2, 3, 20, 30), torch.ones(2, 1, 20, 30)), torch.ones(2, 3))

@@ -39,7 +39,7 @@ def in_season(image: UInt8[np.ndarray, "h w 3"], season: Season, ground: bool = 
 
 def _green(rgb: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"]:
     """Return how much of a plant each texel is: greener than red and than blue."""
-    return np.clip((rgb[..., 1] - np.maximum(rgb[..., 0], rgb[..., 2])) * 40 + 0.5, 0, 1)
+    return np.clip((rgb[..., 1] - np.maximum(rgb[..., 0], rgb[..., 2])) * 30, 0, 1)
 
 
 def _earthy(rgb: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"]:
