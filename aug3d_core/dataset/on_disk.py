@@ -65,8 +65,10 @@ class OnDisk:
         if any(not isinstance(part, slice) for part in rest):  # arrays of pixels, one for each view named
             own, place = np.unique(numbers, return_inverse=True)
             return np.stack([self._view(int(view)) for view in own])[(place, *rest)]
-        values = [self._view(int(view))[tuple(rest)] for view in numbers]
-        return np.stack(values) if values else np.zeros((0, *self.shape[1:]), self.dtype)[(slice(None), *rest)]
+        if not numbers.size:
+            return np.zeros((*numbers.shape, *np.zeros(self.shape[1:], bool)[tuple(rest)].shape), self.dtype)
+        values = np.stack([self._view(int(view))[tuple(rest)] for view in numbers.ravel()])
+        return values.reshape(*numbers.shape, *values.shape[1:])
 
     def fetch(self, views: np.ndarray) -> None:
         """Read views that are not in memory, so that they are when they are asked for."""

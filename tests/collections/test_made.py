@@ -89,7 +89,7 @@ def test_a_scene_that_cannot_be_read_is_told_and_left_out(store, stages, scenes,
 
 def test_with_nothing_left_to_train_on_the_first_trouble_is_raised(store, stages):
     stages.fails = lambda stage, made: "error: no luck" if stage in ("sfm", "exact_town") else ""
-    with pytest.raises(InputError, match="no data set is left to train on; north: .*no luck"):
+    with pytest.raises(InputError, match=r"no data set is left to train on; north: .*no luck"):
         made(store, stages)
 
 

@@ -6,6 +6,10 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.on_disk import Cache
+from aug3d_core.dataset.reader import read
+from aug3d_core.dataset.writer import write
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.run.errors import InputError
 from aug3d_core.training import loop as training
@@ -15,6 +19,7 @@ from aug3d_core.training.files import CHECKPOINT, CURVE
 from aug3d_core.training.loop import train
 from aug3d_core.training.state import begin, begin_again
 from tests.engines.toy_training import CONFIG, changed, silent
+from tests.toy_scene import toy_scene
 
 LIGHT = changed(
     steps=1000, least_gain_db=0.0, hidden=8, coarse_samples=3, fine_samples=1, depth_samples=0, rays_per_group=16
@@ -253,3 +258,48 @@ def test_the_encoder_starts_from_the_weights_that_are_named(scene, tmp_path):
     config = changed(CONFIG, encoder="resnet34", encoder_weights=str(tmp_path / "none.pth"))
     with pytest.raises(InputError, match=r"none\.pth is no file"):
         train([scene], config, tmp_path)
+
+
+# Many scenes, from disk
+
+
+def many(folder, count=3):
+    inputs = {}
+    for number in range(count):
+        place = folder / f"scene{number}"
+        place.mkdir()
+        write(toy_scene(number, 24, 16), place / SCENE_ZARR, shard_views=16)
+        inputs[f"s{number}"] = place
+    return inputs
+
+
+def test_scenes_on_disk_are_trained_on_as_those_in_memory(tmp_path):
+    """To the bit, in a cache of a few pictures: what was read ahead or let go changes nothing."""
+    inputs = many(tmp_path)
+    stores = [read(inputs[name] / SCENE_ZARR) for name in sorted(inputs)]
+    config = changed(steps=8)
+    inside = train(stores, config, tmp_path / "inside")
+    small = Cache(6 * 24 * 16 * 3)
+    outside = train([read(inputs[name] / SCENE_ZARR, small) for name in sorted(inputs)], config, tmp_path / "outside")
+    assert [step["loss"] for step in inside.history] == [step["loss"] for step in outside.history]
+    assert small.held_bytes <= small.limit_bytes
+    for one, other in zip(inside.head.state_dict().values(), outside.head.state_dict().values(), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_many_scenes_are_one_training_and_its_order_is_that_of_their_names(tmp_path):
+    inputs = many(tmp_path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    outcome = training_stage.run(inputs, changed(steps=6), tmp_path / "a", silent)
+    training_stage.run(dict(reversed(inputs.items())), changed(steps=6), tmp_path / "b", silent)
+    assert outcome.metrics["scenes"] == 3
+    assert same_files(tmp_path / "a", tmp_path / "b", MODEL_WEIGHTS, CURVE)
+
+
+def test_a_damaged_scene_of_many_is_named(tmp_path):
+    inputs = many(tmp_path)
+    shard = next(file for file in (inputs["s1"] / SCENE_ZARR / "images" / "c").rglob("*") if file.is_file())
+    shard.write_bytes(shard.read_bytes()[:-100] + bytes(100))
+    with pytest.raises(InputError, match=r"s1: array images .* \(a chunk is missing or damaged\)|s1: array images"):
+        training_stage.run(inputs, changed(steps=2), tmp_path, silent)

@@ -22,11 +22,13 @@ from aug3d_core.heads.sweep.network import COARSE, Found, Given, Seen, SweepNetw
 from aug3d_core.heads.sweep.start import load_first_weights
 
 _SOFT = 1e-2  # of colours in [0, 1]: below it an error counts squared, above it as it is
-_EDGES = 0.5  # weight of the error of differences between neighbouring pixels
+_SQUARED = 10.0  # weight of squared errors beside them: PSNR is their mean
+_EDGES = 0.2  # weight of the error of differences between neighbouring pixels
 _HEIGHT_SOFT = 0.05  # the same of heights in the slab
 _PLANES = 0.1  # weight of the likelihood of the right planes, beside the error of the mean height
 _LEVEL = 0.3  # of the slab: about the ground, at which inputs are compared where no scaffold tells better
 _OFF, _WAVE_PX = 0.03, 16  # of the errors given to exact scaffolds: at most this spread [slabs], one in so many px
+_MOST_PX = 3  # by which an edge of theirs is moved
 
 Window = tuple[int, int, int, int]  # left, top, width, height, px
 
@@ -107,14 +109,17 @@ class SweepHead(Head):
     def _blurred(
         self, scene: Scene, view: int, window: Window, depth: Float[Tensor, "h w"], noise: torch.Generator | None
     ) -> Float[Tensor, "h w"]:
-        """Return a render's exact depth with smooth errors, as a mesh of photographs has them."""
+        """Return a render's exact depth with the errors of a mesh of photographs: edges that moved, small things that are
+        missing, and smooth waves.
+        """
         target = Target.of(scene, view, window, self.device)
+        heights = _reshaped(target.height_of(depth), noise)
         cells = [max(side // _WAVE_PX, 2) for side in depth.shape]
         waves = (
             torch.randn((1, 1, *cells), generator=noise).to(self.device) * _OFF * torch.rand((), generator=noise).item()
         )
         off = F.interpolate(waves, size=depth.shape, mode="bicubic", align_corners=False)[0, 0]
-        return torch.where(depth > 0, target.depth_at(target.height_of(depth) + off), depth)
+        return torch.where(depth > 0, target.depth_at(heights + off), depth)
 
     def _height_error(
         self, scene: Scene, seen: Seen, cut: tuple[int, slice, slice], window: Window, shown: Float[Tensor, "h w"]
@@ -189,6 +194,23 @@ class SweepHead(Head):
         return on_device(array, self.device)
 
 
+def _reshaped(heights: Float[Tensor, "h w"], noise: torch.Generator | None) -> Float[Tensor, "h w"]:
+    """Return heights as a mesh may have them: as they are, wider, narrower, smooth, or without what is small."""
+    reach = 1 + _drawn(_MOST_PX, noise)
+
+    def widest(x: Tensor) -> Tensor:
+        return F.max_pool2d(x, 2 * reach + 1, 1, reach)
+
+    def narrowest(x: Tensor) -> Tensor:
+        return -widest(-x)
+
+    def smooth(x: Tensor) -> Tensor:
+        return F.avg_pool2d(x, 2 * reach + 1, 1, reach, count_include_pad=False)
+
+    ways = (lambda x: x, widest, narrowest, smooth, lambda x: smooth(widest(narrowest(x))))
+    return ways[_drawn(len(ways), noise)](heights[None])[0]
+
+
 def _alike(
     target: Target,
     cameras: Inputs,
@@ -253,7 +275,7 @@ def _drawn(count: int, noise: torch.Generator | None) -> int:
 
 def _error(colour: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], weight: Float[Tensor, "h w"]) -> Tensor:
     off = colour - truth
-    return ((torch.sqrt(off**2 + _SOFT**2) + 2 * off**2).mean(dim=0) * weight).sum()
+    return ((torch.sqrt(off**2 + _SOFT**2) + _SQUARED * off**2).mean(dim=0) * weight).sum()
 
 
 def _edge_error(colour: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], shown: Float[Tensor, "h w"]) -> Tensor:

@@ -18,7 +18,7 @@ from aug3d_core.heads.sweep.config import SweepConfig
 
 COARSE, FINE = 4, 2  # px for each feature
 _NARROW = 8  # channels of the fine features
-_INSIDE = 12  # channels inside the volumes
+_INSIDE = 16  # channels inside the volumes
 _LEAST_SPREAD, _MOST_SPREAD = 0.5, 0.25  # of the fine planes: of a coarse step, and of the slab
 _BEYOND = 1.5  # spreads that the fine planes reach to either side
 _SLOPE = 0.1  # of rectifiers below 0
