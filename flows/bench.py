@@ -132,6 +132,37 @@ def bench_heads(
     _bench("heads", home, preset, set_, as_json, measure)
 
 
+@bench.command("generalisation")
+def bench_generalisation(
+    home: Home = HOME,
+    preset: Preset = "tiny",
+    photos: Annotated[
+        list[Path],
+        typer.Option(
+            help="Judge on these photographs; the first against the goals of a dense town, others of a coast."
+        ),
+    ] = [],
+    towns: Annotated[
+        bool,
+        typer.Option("--towns", help="Also train on 1, 3, 10 and 30 made-up towns, and judge each on the photographs."),
+    ] = False,
+    set_: Set = [],
+    as_json: AsJson = False,
+) -> None:
+    """The shipped model on places that it never saw, tuned on them, and how fast many scenes are read (an hour).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import generalisation
+
+        found = generalisation.figures(store, scene, say, tuple(photos), towns)
+        return Measurement(found, {"photos": [str(folder) for folder in photos]})
+
+    _bench("generalisation", home, preset, set_, as_json, measure)
+
+
 def _bench(
     name: str,
     home: Path,

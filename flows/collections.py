@@ -238,6 +238,7 @@ def towns(
                     f" {town['buildings']} town, {town['season']}, {town['path']} at {town['altitude_m']:.0f} m"
                     f"{', in the store already' if built.cached else f', {record.seconds:.0f} s'}",
                     highlight=False,
+                    soft_wrap=True,
                 )
         if as_json:
             print(json.dumps(made, indent=1))

@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aug3d_core.collections.made import TOWN, TRAIN, Member
 from aug3d_core.geometry.geodesy import enu_from_geodetic
@@ -55,5 +55,5 @@ def near_share(one: pd.DataFrame, other: pd.DataFrame) -> float:
         return 0.0
     level = [np.column_stack([place, np.zeros(len(place))]) for place in places]
     a, b = (enu_from_geodetic(place, level[0][0])[:, :2] for place in level)
-    shares = [float(np.mean(cKDTree(there).query(here)[0] <= NEAR_M)) for here, there in ((a, b), (b, a))]
+    shares = [float(np.mean(KDTree(there).query(here)[0] <= NEAR_M)) for here, there in ((a, b), (b, a))]
     return max(shares)

@@ -7,7 +7,7 @@ Depths and `near_far` are distances along the camera's z, in world units; a dept
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Float16, Int, UInt8
@@ -16,7 +16,11 @@ from aug3d_core.dataset.on_disk import OnDisk
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.run.errors import InputError
 
-Pictures = np.ndarray | OnDisk  # in memory, or read view by view
+# In memory, or read view by view: whoever indexes them need not know
+if TYPE_CHECKING:
+    Pictures = np.ndarray
+else:
+    Pictures = np.ndarray | OnDisk
 
 REAL, RENDERED = 0, 1
 SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`

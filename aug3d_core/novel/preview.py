@@ -115,7 +115,8 @@ def across(scene: Scene, frames: int) -> Float[np.ndarray, "f 4 4"]:
     height = np.median(scene.slab.height(eyes))
     usual = usual_rotation(scene)
     poses = np.tile(np.eye(4), (frames, 1, 1))
-    for pose, at in zip(poses, np.linspace(*np.quantile(along, _ACROSS), frames), strict=True):
+    first, last = np.quantile(along, _ACROSS)
+    for pose, at in zip(poses, np.linspace(first, last, frames), strict=True):
         near = eyes[np.argsort(np.abs(along - at), kind="stable")[:_NEAR], :2]
         x, y = at * line + middle[:2] + line[::-1] * [-1, 1] * np.median((near - middle[:2]) @ (line[::-1] * [-1, 1]))
         z = scene.slab.a * x + scene.slab.b * y + scene.slab.c + height

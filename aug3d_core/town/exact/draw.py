@@ -49,8 +49,10 @@ def drawn_town(seed: int, number: int, width_px: int) -> ExactTownConfig:
         noise_levels=round(rng.uniform(0.5, 4), 2),
         samples=6,
     )
-    shifts = {"exposure_spread": round(rng.uniform(0, 0.12), 3), "white_spread": round(rng.uniform(0, 0.02), 3)}
-    return ExactTownConfig(town=town, margin_share=round(rng.uniform(0.05, 0.25), 2), **shifts)
+    exposure, white = round(rng.uniform(0, 0.12), 3), round(rng.uniform(0, 0.02), 3)
+    return ExactTownConfig(
+        town=town, exposure_spread=exposure, white_spread=white, margin_share=round(rng.uniform(0.05, 0.25), 2)
+    )
 
 
 def _one_of(choices: Mapping[str, int], rng: np.random.Generator) -> Any:

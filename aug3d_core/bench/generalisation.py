@@ -1,0 +1,223 @@
+"""How good the shipped model is where it has never been, what tuning it gains, and how fast many scenes are read."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from aug3d_core.bench.figure import Figure, at_least, at_most, told
+from aug3d_core.collections.towns import town_works
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.new_views import only
+from aug3d_core.dataset.reader import read
+from aug3d_core.dataset.writer import write
+from aug3d_core.factory.build import work_of
+from aug3d_core.factory.config import scene_config
+from aug3d_core.factory.material import Material, Source, source_of
+from aug3d_core.factory.plan import Step
+from aug3d_core.factory.stages import DATASET, EVALUATION, PREVIEW, TO_POSES, TRAINING
+from aug3d_core.factory.walk import Make, Visit, walk
+from aug3d_core.heads.config import shipped
+from aug3d_core.judging.config import EvaluationConfig
+from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.judging.summary import lead
+from aug3d_core.novel.config import PreviewConfig
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, single, tried
+from aug3d_core.training.config import TrainingConfig
+
+GOALS_DB = {"ground_homography": (3.0, 1.5), "plane_sweep": (2.0, 1.0)}  # of a dense town; of a coast with trees
+TUNED_MINUTES, RANDOM_MINUTES = 2.0, 10.0  # of processor time
+TOWNS, TOWN_STEPS = (1, 3, 10, 30), 600
+SCENES, VIEWS, LOADED_STEPS = 20, 500, 60
+INPUT_VIEWS = 3
+FLIGHT_PHOTOS, FLIGHT_MINUTES = 30, 5.0
+
+
+def figures(store: Store, scene: Measured, say: Say, photos: tuple[Path, ...], towns: bool) -> dict[str, Figure]:
+    """Measure on folders of photographs; and the reading of many scenes."""
+    make, found = directly(store, say), {}
+    model = _shipped()
+    tests: dict[str, list[Record]] = {}
+    for place, folder in enumerate(photos):
+        trial = _packed(store, folder, make)
+        if trial.failure:
+            found[folder.name] = Figure(None, "dB", None, None, trial.failure)
+            continue
+        tests[folder.name] = trial.of(["dataset"])
+        views = _judged(store, tests[folder.name], model, make)
+        goals = {answer: both[min(place, 1)] for answer, both in GOALS_DB.items()}
+        found |= _scores(views, f"{folder.name}_never_seen", goals)
+        found |= _tuned(store, scene, tests[folder.name][0], views, folder.name, make)
+        found |= _flight(store, folder, model, make)
+    if towns and tests:
+        found |= _by_towns(store, scene, tests, make)
+    return found | reading(store, scene, make)
+
+
+def _shipped() -> Source:
+    folder, digest, modules = shipped()
+    return Source(path=folder, digest=digest, modules=modules)
+
+
+def _packed(store: Store, folder: Path, make: Make) -> Trial:
+    material = Material(photos=folder)
+    stages = material.stages()
+    return tried(walk(store, stages[: stages.index(DATASET) + 1], scene_config("auto"), material, make))
+
+
+def _judged(store: Store, datasets: list[Record], model: Source, make: Make) -> pd.DataFrame:
+    """Return the scores of a model on the test of every fold."""
+    config = EvaluationConfig(input_views=INPUT_VIEWS, panels=0, flythrough_frames=0)
+    tables = []
+    for fold, data in enumerate(datasets):
+        sources = {"dataset": source_of(store, data), "training": model}
+        trial = tried(single(EVALUATION, config, sources, make))
+        views = pd.read_parquet(store.files_dir(trial.records["evaluation"]) / TEST_VIEWS)
+        tables.append(views.assign(group=views["group"] + 1000 * fold))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _scores(views: pd.DataFrame, name: str, goals: Mapping[str, float]) -> dict[str, Figure]:
+    alone = _alone(views)
+    found = {
+        f"{name}_inputs_alone_psnr": Figure(_mean(views, alone), "dB"),
+        f"{name}_inputs_alone_ssim": Figure(_mean(views, alone.replace("psnr", "ssim")), "1"),
+        f"{name}_scaffold_psnr": Figure(_mean(views, "psnr"), "dB"),
+    }
+    for answer, goal in goals.items():
+        mean, low, _ = lead(views, alone, f"{answer}_psnr", EvaluationConfig())
+        found[f"{name}_over_{answer}"] = at_least(goal, mean, "dB")
+        found[f"{name}_over_{answer}_low"] = at_least(0.0, low, "dB")
+    return found
+
+
+def _tuned(
+    store: Store, scene: Measured, data: Record, never_seen: pd.DataFrame, name: str, make: Make
+) -> dict[str, Figure]:
+    """Train on a scene for two minutes from the shipped weights, and for ten from random ones."""
+    config = scene.config().training
+    few = _trained(store, _started(config, "towns", 20), {"dataset": data}, make)
+    if few.failure:
+        return {f"{name}_tuned": Figure(None, "dB", None, None, few.failure)}
+    step_s = few.cpu_seconds(["training"]) / 20
+    found: dict[str, Figure] = {}
+    scores = {}
+    for how, start, minutes in (("tuned", "towns", TUNED_MINUTES), ("alone", "random", RANDOM_MINUTES)):
+        steps = max(int(60 * minutes / step_s), 1)
+        trial = _trained(store, _started(config, start, steps), {"dataset": data}, make)
+        if trial.failure:
+            return {f"{name}_{how}": Figure(None, "dB", None, None, trial.failure)}
+        scores[how] = _judged(store, [data], source_of(store, trial.records["training"]), make)
+        found |= _scores(scores[how], f"{name}_{how}", {})
+        found[f"{name}_{how}_minutes"] = Figure(trial.cpu_seconds(["training"]) / 60, "min")
+    for what, column in (("inputs_alone", _alone(scores["tuned"])), ("scaffold", "psnr")):
+        both = scores["tuned"].assign(other=scores["alone"][column])
+        mean, low, high = lead(both, column, "other", EvaluationConfig())
+        found[f"{name}_tuned_over_alone_{what}"] = at_least(0.0, mean, "dB")
+        found |= {
+            f"{name}_tuned_over_alone_{what}_{end}": Figure(value, "dB")
+            for end, value in (("low", low), ("high", high))
+        }
+    return found
+
+
+def _started(config: TrainingConfig, start: str, steps: int) -> TrainingConfig:
+    head = config.head.model_copy(update={"start": start})
+    return config.model_copy(
+        update={
+            "head": head,
+            "steps": steps,
+            "warmup_steps": min(config.warmup_steps, steps // 10),
+            "least_gain_db": 0.0,
+        }
+    )
+
+
+def _trained(store: Store, config: TrainingConfig, data: Mapping[str, Record], make: Make) -> Trial:
+    return tried(single(TRAINING, config, {name: source_of(store, record) for name, record in data.items()}, make))
+
+
+def _by_towns(store: Store, scene: Measured, tests: Mapping[str, list[Record]], make: Make) -> dict[str, Figure]:
+    """Train on ever more towns for as many steps, and judge on the photographs."""
+    config, found, packed = _started(scene.config().training, "random", TOWN_STEPS), {}, {}
+    for name, work in town_works(max(TOWNS), 0, scene.config().dataset.width_px):
+        built = make(Visit(Step(work.stage), work))
+        assert built
+        packed[name] = built.record
+    for count in TOWNS:
+        trial = _trained(store, config, dict(list(packed.items())[:count]), make)
+        model = source_of(store, trial.records["training"])
+        for name, datasets in tests.items():
+            views = _judged(store, datasets, model, make)
+            found[f"{name}_{count}_towns_inputs_alone"] = Figure(_mean(views, _alone(views)), "dB")
+            found[f"{name}_{count}_towns_scaffold"] = Figure(_mean(views, "psnr"), "dB")
+    for name in tests:
+        one, most = (found[f"{name}_{count}_towns_inputs_alone"].value for count in (1, max(TOWNS)))
+        found[f"{name}_{max(TOWNS)}_towns_over_one"] = at_least(0.5, (most or 0) - (one or 0), "dB")
+    return found
+
+
+def _flight(store: Store, folder: Path, model: Source, make: Make) -> dict[str, Figure]:
+    """Time the way from a folder of at most 30 photographs to a flight, with nothing in the store."""
+    fresh = store.root / "flight"
+    shutil.rmtree(fresh, ignore_errors=True)
+    some = fresh / "photos"
+    some.mkdir(parents=True)
+    for photo in sorted(folder.iterdir())[:FLIGHT_PHOTOS]:
+        os.link(photo, some / photo.name) if photo.stat().st_dev == some.stat().st_dev else shutil.copy(photo, some)
+    begun, inside = time.monotonic(), Store(fresh / "home")
+    make = directly(inside, lambda *_: None)
+    trial = tried(walk(inside, TO_POSES, scene_config("auto"), Material(photos=some), make))
+    if trial.failure:
+        return {f"{folder.name}_flight": Figure(None, "min", None, None, trial.failure)}
+    sources = {"sfm": source_of(inside, trial.records["sfm"]), "training": model}
+    shown = tried(single(PREVIEW, PreviewConfig(), sources, make))
+    minutes = (time.monotonic() - begun) / 60
+    shutil.rmtree(fresh)
+    return {
+        f"{folder.name}_flight_minutes": at_most(FLIGHT_MINUTES, minutes, "min"),
+        f"{folder.name}_flight_over_homography": Figure(told(shown, "preview", "over_homography_db"), "dB"),
+    }
+
+
+def reading(store: Store, scene: Measured, make: Make) -> dict[str, Figure]:
+    """Train on 20 scenes of 500 views at 256 x 192 px: one scene's files under 20 names, each read as a scene of its own."""
+    (name, work), *_ = town_works(1, 0, 256)
+    built = make(Visit(Step(work.stage), work))
+    assert built
+    town = read(store.files_dir(built.record) / SCENE_ZARR)
+    rows = np.resize(np.arange(len(town)), VIEWS)
+    many = replace(only(town, rows), groups=town.groups)
+    top = store.root / "reading"
+    shutil.rmtree(top, ignore_errors=True)
+    (top / "0").mkdir(parents=True)
+    write(many, top / "0" / SCENE_ZARR, shard_views=64)
+    for number in range(1, SCENES):
+        shutil.copytree(top / "0", top / str(number), copy_function=os.link)
+    sources = {
+        f"scene{number:02d}": Source(path=top / str(number), digest=f"{name}{number}") for number in range(SCENES)
+    }
+    config = _started(scene.config().training, "random", LOADED_STEPS)
+    trial = tried([Visit(Step(TRAINING), built=make(Visit(Step(TRAINING), work_of(TRAINING, config, sources))))])
+    shutil.rmtree(top)
+    return {
+        "reading_mib": at_most(2048, trial.peak_mib(["training"]) or None, "MiB"),
+        "reading_wait_share": at_most(0.05, told(trial, "training", "loader_wait_share"), "1"),
+    }
+
+
+def _alone(views: pd.DataFrame) -> str:
+    return "inputs_alone_psnr" if "inputs_alone_psnr" in views else "psnr"
+
+
+def _mean(views: pd.DataFrame, column: str) -> float:
+    return float(np.asarray(views[column], float).mean())
