@@ -37,6 +37,7 @@ from flows.scenes import scenes
 from flows.server import prefect_server
 from flows.settings import OURS, apply_local_environment
 from flows.study import study
+from flows.study_generalisation import study_generalisation
 from flows.study_stability import study_stability
 from flows.study_tradeoff import study_tradeoff
 from flows.summary import print_summary, program
@@ -258,6 +259,7 @@ app.add_typer(scenes, name="scenes")
 app.add_typer(collections, name="collections")
 study.command("tradeoff")(study_tradeoff)
 study.command("stability")(study_stability)
+study.command("generalisation")(study_generalisation)
 app.add_typer(study, name="study")
 app.add_typer(bench, name="bench")
 

@@ -53,12 +53,15 @@ class MadeCollection:
         data = [record for member in self.members.values() for record in member.data.values()]
         return [*data, *([self.training] if self.training else []), *self.evaluations.values()]
 
-    def trained_on(self) -> dict[str, Record]:
-        """Return the data sets that the model is trained on: of a scene in folds the first."""
+    def trained_on(self, without: str | None = None) -> dict[str, Record]:
+        """Return the data sets that a model is trained on: of a scene in folds the first.
+
+        without: those of a model that is to be judged on this scene, which may be trained on the scenes held out otherwise.
+        """
         return {
             name: next(iter(member.data.values()))
             for name, member in self.members.items()
-            if member.role != HOLD_OUT and member.data
+            if member.data and (member.role != HOLD_OUT if without is None else name != without)
         }
 
 
@@ -73,13 +76,7 @@ def make_collection(
 
     scenes: what the registry says of each.
     """
-    made, config = MadeCollection(), entry.config()
-    for name, role in [*((name, TRAIN) for name in entry.train), *((name, HOLD_OUT) for name in entry.hold_out)]:
-        say(name)
-        made.members[name] = _scene(store, name, role, scenes, maker(name))
-    for name, work in town_works(entry.towns, entry.towns_seed, config.dataset.width_px):
-        say(name)
-        made.members[name] = _town(name, work, maker(name))
+    made, config = make_data(store, entry, scenes, maker, say), entry.config()
     chosen = made.trained_on()
     if not chosen:
         first = next(name for name, member in made.members.items() if member.role != HOLD_OUT)
@@ -101,6 +98,24 @@ def make_collection(
                 made.evaluations[data] = _single(EVALUATION, config.evaluation, judged, maker(name))
             except StageFailed as failure:
                 made.troubles[data] = failure.problem
+    return made
+
+
+def make_data(
+    store: Store,
+    entry: CollectionEntry,
+    scenes: Mapping[str, SceneEntry | Aug3dError],
+    maker: Maker,
+    say: Callable[[str], None] = lambda what: None,
+) -> MadeCollection:
+    """Make the data sets alone."""
+    made, config = MadeCollection(), entry.config()
+    for name, role in [*((name, TRAIN) for name in entry.train), *((name, HOLD_OUT) for name in entry.hold_out)]:
+        say(name)
+        made.members[name] = _scene(store, name, role, scenes, maker(name))
+    for name, work in town_works(entry.towns, entry.towns_seed, config.dataset.width_px):
+        say(name)
+        made.members[name] = _town(name, work, maker(name))
     return made
 
 

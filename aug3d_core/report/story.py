@@ -23,7 +23,7 @@ from aug3d_core.store.store import Store
 COSTS, GAINS, BREAKS, NEEDS = CHAPTERS = ("What it costs", "What it gains", "Where it breaks", "What a scene needs")
 _NOTHING = {
     COSTS: "aug3d study tradeoff SCENE tells.",
-    GAINS: "aug3d study tradeoff, grouping and augmentation tell.",
+    GAINS: "aug3d study tradeoff, grouping, augmentation and generalisation tell.",
     BREAKS: "aug3d study stability tells.",
     NEEDS: "aug3d study tradeoff SCENE tells.",
 }

@@ -1,0 +1,126 @@
+"""What is trained for each scene that is left out, and judged on its test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import pandas as pd
+
+from aug3d_core.collections.entry import CollectionEntry
+from aug3d_core.collections.made import MadeCollection
+from aug3d_core.factory.config import SceneConfig, overridden
+from aug3d_core.factory.material import Source, source_of
+from aug3d_core.factory.stages import EVALUATION, TRAINING
+from aug3d_core.factory.walk import Make
+from aug3d_core.heads.config import config_of, title_of
+from aug3d_core.heads.files import MODEL_WEIGHTS
+from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
+from aug3d_core.studies.common.cell import Cell, Result
+from aug3d_core.studies.common.trial import Trial, single, tried
+from aug3d_core.training.config import TrainingConfig
+
+Way = Literal["never seen", "tuned", "alone"]
+WAYS: tuple[Way, ...] = ("never seen", "tuned", "alone")
+TUNED_SHARE = 0.1  # of the steps
+FOLD_GROUPS = 1000  # what tells groups of folds apart, in one table
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A scene that is left out, how the model came to it, and which head it is."""
+
+    scene: str
+    way: Way
+    head: str
+
+    @property
+    def name(self) -> str:
+        """Its name in progress messages, tables and MLflow."""
+        return f"{self.scene}, {self.way}, {title_of(self.head)}"
+
+
+@dataclass(frozen=True)
+class Generalised(Result[LeftOut]):
+    """The result of a cell. views: the scores on the tests of all folds, None if there are none."""
+
+    views: pd.DataFrame | None = None
+
+    @property
+    def paid(self) -> list[Record]:
+        """The training alone; a tuned model pays for its tuning."""
+        return [record for step, record in self.records.items() if step == TRAINING.name]
+
+
+def cells_of(entry: CollectionEntry, heads: tuple[str, ...], seeds: int) -> list[Cell[LeftOut]]:
+    """Return the cells: each scene left out, in every way, with every head that can be tuned where that is asked."""
+    return [
+        Cell(LeftOut(scene, way, head), seed)
+        for seed in range(seeds)
+        for scene in (*entry.train, *entry.hold_out)
+        for head in heads
+        for way in WAYS
+        if way != "tuned" or "start" in config_of(head).model_fields
+    ]
+
+
+def make_cell(
+    store: Store, entry: CollectionEntry, made: MadeCollection, cell: Cell[LeftOut], make: Make
+) -> Generalised:
+    """Train and judge. What other cells trained is found in the store."""
+    arm = cell.arm
+    config = _config(entry.config(), arm.head, entry.preset, cell.seed)
+    data = made.members[arm.scene].data
+    if not data:
+        return Generalised(cell, Trial({}, made.members[arm.scene].trouble, "refused"))
+    others = {name: source_of(store, record) for name, record in made.trained_on(without=arm.scene).items()}
+    own = {arm.scene: source_of(store, next(iter(data.values())))}
+    if arm.way == "alone":
+        trial = _trained(_started(config, "random"), own, make)
+    elif not others:
+        trial = Trial({}, "there is no other scene, and no town, to train on", "refused")
+    else:
+        trial = _trained(config, others, make)
+        if arm.way == "tuned" and not trial.failure:
+            weights = store.files_dir(trial.records[TRAINING.name]) / MODEL_WEIGHTS
+            steps = max(round(TUNED_SHARE * config.steps), 1)
+            tuning = {"steps": steps, "warmup_steps": min(config.warmup_steps, steps // 10), "least_gain_db": 0.0}
+            trial = _trained(_started(config, str(weights)).model_copy(update=tuning), own, make)
+    if trial.failure:
+        return Generalised(cell, trial)
+    return _judged(store, cell, entry.config(), data, trial, make)
+
+
+def _judged(
+    store: Store, cell: Cell[LeftOut], config: SceneConfig, data: Mapping[str, Record], trained: Trial, make: Make
+) -> Generalised:
+    records, tables = dict(trained.records), []
+    model = source_of(store, trained.records[TRAINING.name])
+    quick = config.evaluation.model_copy(update={"panels": 0, "flythrough_frames": 0})
+    for fold, record in enumerate(data.values()):
+        trial = tried(single(EVALUATION, quick, {"dataset": source_of(store, record), "training": model}, make))
+        if trial.failure:
+            return Generalised(cell, Trial(records, trial.failure, trial.cause, trial.at))
+        records[f"{EVALUATION.name}{f'_fold{fold}' if fold else ''}"] = trial.records[EVALUATION.name]
+        views = pd.read_parquet(store.files_dir(trial.records[EVALUATION.name]) / TEST_VIEWS)
+        tables.append(views.assign(group=views["group"] + FOLD_GROUPS * fold))
+    return Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
+
+
+def _config(config: SceneConfig, head: str, preset: str, seed: int) -> TrainingConfig:
+    if config.training.head.name != head:
+        config = overridden(config, [f"training.head={head}"], preset)
+    return config.training.model_copy(update={"seed": seed})
+
+
+def _started(config: TrainingConfig, start: str) -> TrainingConfig:
+    if "start" not in type(config.head).model_fields:
+        return config
+    return config.model_copy(update={"head": config.head.model_copy(update={"start": start})})
+
+
+def _trained(config: TrainingConfig, sources: Mapping[str, Source], make: Make) -> Trial:
+    return tried(single(TRAINING, config, sources, make))

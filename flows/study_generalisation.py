@@ -1,0 +1,94 @@
+"""`aug3d study generalisation`: each scene of a collection left out in turn."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from flows.refusal import typed_errors
+from flows.study import HOME, AsJson, Home, Seeds, Watch, carry_out, print_folder, publish, using, widen
+
+if TYPE_CHECKING:
+    from aug3d_core.factory.walk import Make
+    from aug3d_core.studies.generalisation.cells import Generalised
+    from aug3d_core.studies.generalisation.findings import GeneralisationFindings
+
+
+def study_generalisation(
+    collection: Annotated[str, typer.Argument(help="Name of a collection; see aug3d collections list.")],
+    home: Home = HOME,
+    head: Annotated[list[str], typer.Option(help="Only this head; repeatable. Without it, all.")] = [],
+    seeds: Seeds = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Leave each scene of a collection out: never seen, tuned for a tenth of the steps, trained on it alone (hours).
+
+    Killed half way? Run it again: outputs in the store are reused. Exit code 3: some runs failed.
+    """
+    from aug3d_core.bench.machine import describe_machine
+    from aug3d_core.collections.files import COLLECTIONS
+    from aug3d_core.collections.made import make_data
+    from aug3d_core.heads.config import names
+    from aug3d_core.run.errors import UsageError
+    from aug3d_core.scene_files import read_each
+    from aug3d_core.studies.common.cell import make_cells
+    from aug3d_core.studies.generalisation.cells import cells_of, make_cell
+    from aug3d_core.studies.generalisation.findings import findings
+    from aug3d_core.studies.generalisation.page import publication
+
+    with typed_errors(as_json), using(home) as store:
+        entry = COLLECTIONS.read(store, collection)
+        if unknown := [name for name in head if name not in names()]:
+            raise UsageError(f"there is no head {unknown[0]!r}", f"choose of {', '.join(names())}")
+        if not (entry.train or entry.hold_out):
+            raise UsageError(
+                f"collection {collection!r} has no scene to leave out", "name some under train or hold_out"
+            )
+        cells = cells_of(entry, tuple(head) or names(), seeds)
+        console = Console(stderr=True)
+        watch = Watch(console, len(cells), _outcome)
+
+        def study(make: Make) -> list[Generalised]:
+            made = make_data(store, entry, read_each(store), lambda of: make)
+            return make_cells(cells, lambda cell: make_cell(store, entry, made, cell, make), watch.done)
+
+        results = carry_out(store, f"generalisation of {collection}", watch, study)
+        found = findings(collection, seeds, describe_machine(), results)
+        published = publication(found)
+        folder = publish(store, console, published)
+        if as_json:
+            print(json.dumps({**published.data, "folder": str(folder)}, indent=1))
+        else:
+            print_findings(Console(), found)
+            print_folder(folder)
+        raise typer.Exit(3 if found.failed else 0)
+
+
+def _outcome(result: Generalised) -> str:
+    if result.views is None:
+        return result.failure
+    return f"{result.views['psnr'].mean():.2f} dB, training {result.cpu_seconds:.0f} s"
+
+
+def print_findings(console: Console, found: GeneralisationFindings) -> None:
+    """Print the table, and the differences between ways."""
+    from aug3d_core.studies.generalisation.findings import CHEAP, order
+    from aug3d_core.studies.generalisation.page import HEADS, cells, over
+
+    widen(console)
+    table = Table(
+        *HEADS[:3], title=f"generalisation of {found.collection}; leads over cheap answers in dB, 95 % intervals"
+    )
+    for heading in (*HEADS[3:], *(cheap.replace("_", " ") for cheap in CHEAP)):
+        table.add_column(heading, justify="right")
+    for row in sorted(found.rows, key=order):
+        table.add_row(*cells(row), *over(row))
+    console.print(table)
+    for name, lead in found.against.items():
+        console.print(f"{name}: {lead.text()} dB", markup=False, highlight=False)
+    for result in found.failed:
+        console.print(f"{result.cell.name}: {result.failure}", markup=False, highlight=False)
