@@ -117,8 +117,7 @@ def across(scene: Scene, frames: int) -> Float[np.ndarray, "f 4 4"]:
     poses = np.tile(np.eye(4), (frames, 1, 1))
     first, last = np.quantile(along, _ACROSS)
     for pose, at in zip(poses, np.linspace(first, last, frames), strict=True):
-        near = eyes[np.argsort(np.abs(along - at), kind="stable")[:_NEAR], :2]
-        x, y = at * line + middle[:2] + line[::-1] * [-1, 1] * np.median((near - middle[:2]) @ (line[::-1] * [-1, 1]))
+        x, y = middle[:2] + at * line
         z = scene.slab.a * x + scene.slab.b * y + scene.slab.c + height
         pose[:3, :3], pose[:3, 3] = usual, (x, y, z)
     return poses

@@ -1,0 +1,49 @@
+"""Registered photographs alone are a scene to predict from: their size, cameras, ground and distance are right."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from aug3d_core.dataset.photographs import scene_of_photographs
+from aug3d_core.dataset.scene import SPLITS
+from aug3d_core.geometry.transforms import look_at
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.photos.files import image_name
+from aug3d_core.run.errors import InputError
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+
+
+def flight(folder, count):
+    """Write the poses of a flight at 30 m over ground of 3 m height, photograph 100 first."""
+    (folder / VIEW_IMAGES).mkdir(parents=True)
+    eyes = [np.array([4.0 * i, 0.0, 30.0]) for i in range(count)]
+    poses = [look_at(eye, eye * [1, 1, 0] + [0, 1e-6, 0]) for eye in eyes] or np.zeros((0, 3, 4))
+    intrinsics = np.tile([72.0, 72.0, 40.0, 30.0], (count, 1))
+    Views(np.arange(count) + 100, np.array(poses), intrinsics, np.tile([80, 60], (count, 1))).save(folder / VIEWS)
+    for number in range(count):
+        Image.fromarray(np.full((60, 80, 3), 40 + number, np.uint8)).save(
+            folder / VIEW_IMAGES / image_name(100 + number)
+        )
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack([rng.uniform(-15, 30, 200), rng.uniform(-12, 12, 200), rng.uniform(0, 3, 200)])
+    Points(xyz, np.zeros((200, 3), np.uint8), np.ones(200)).save(folder / POINTS)
+    point, view = np.tile(np.arange(200), count), np.repeat(np.arange(count), 200)
+    Tracks(point, view, np.zeros((len(view), 2))).save(folder / TRACKS)
+    return folder
+
+
+def test_photographs_are_packed_with_their_cameras(tmp_path):
+    scene = scene_of_photographs(flight(tmp_path, 5), (40, 32), 0.005, 0.1)
+    assert scene.images.shape == (5, 32, 40, 3)
+    assert scene.images[3].mean() == 43
+    assert scene.photo_id.tolist() == [100, 101, 102, 103, 104]
+    assert (scene.splits == SPLITS.index("support")).all()
+    assert np.allclose(scene.world_from_cam[:, :3, 3], [[4 * i, 0, 30] for i in range(5)])
+    assert np.allclose(scene.intrinsics[:, 2:], [20, 16])
+    assert scene.scale == pytest.approx(30, rel=0.1)
+    assert (scene.near_far[:, 0] < 27.5).all() and (scene.near_far[:, 1] > 29).all()
+
+
+def test_without_a_pose_there_is_no_scene(tmp_path):
+    with pytest.raises(InputError, match="no photograph has a pose"):
+        scene_of_photographs(flight(tmp_path, 0), (40, 32), 0.005, 0.1)

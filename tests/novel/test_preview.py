@@ -1,0 +1,43 @@
+"""The flight of a preview keeps over the photographs, and its inputs are those that see most of a view."""
+
+import numpy as np
+import pytest
+
+from aug3d_core.dataset.projection import ground_points, shows
+from aug3d_core.novel.preview import across, inputs_of, usual_rotation
+from tests.toy_scene import ALTITUDE_M, toy_scene
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return toy_scene(0, 48, 36)
+
+
+def test_the_flight_is_straight_level_and_over_the_photographs(scene):
+    poses = across(scene, 9)
+    eyes = poses[:, :3, 3]
+    steps = np.diff(eyes, axis=0)
+    assert np.allclose(steps, steps[0])
+    assert np.abs(scene.slab.height(eyes) - ALTITUDE_M).max() < 6
+    low, high = scene.world_from_cam[:, :2, 3].min(axis=0), scene.world_from_cam[:, :2, 3].max(axis=0)
+    assert ((eyes[:, :2] > low) & (eyes[:, :2] < high)).all()
+    assert np.allclose(poses[:, :3, :3], poses[0, :3, :3])
+
+
+def test_its_camera_is_turned_as_one_of_the_photographs(scene):
+    usual = usual_rotation(scene)
+    assert any(np.array_equal(usual, pose[:3, :3]) for pose in scene.world_from_cam)
+
+
+def test_inputs_are_other_photographs_that_see_the_view(scene):
+    for target in (2, 15, 30):
+        chosen = inputs_of(scene, target, 4)
+        assert len(set(chosen)) == 4 and target not in chosen
+        assert (scene.photo_id[chosen] >= 0).all()
+        ground, reached = ground_points(scene, target)
+        seen = np.any([shows(scene, int(view), ground) for view in chosen], axis=0)[reached].mean()
+        assert seen > 0.8
+
+
+def test_fewer_photographs_than_asked_for_are_all_inputs(scene):
+    assert len(inputs_of(scene, 2, 99)) <= 24

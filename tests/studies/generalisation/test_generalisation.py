@@ -1,0 +1,110 @@
+"""Each scene is left out of what its model is trained on, and ways are compared photograph by photograph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aug3d_core.collections.entry import CollectionEntry
+from aug3d_core.collections.made import make_data
+from aug3d_core.scene_files import SceneEntry
+from aug3d_core.store.store import Store
+from aug3d_core.studies.common.cell import make_cells
+from aug3d_core.studies.common.write import write_study
+from aug3d_core.studies.generalisation.cells import cells_of, make_cell
+from aug3d_core.studies.generalisation.findings import findings
+from aug3d_core.studies.generalisation.page import publication
+from tests.collections.stand_in import Stages
+from tests.stand_in_stages import Made, write_test
+
+ENTRY = CollectionEntry(train=("north", "south"), hold_out=("far",), towns=1, settings={"training": {"steps": 200}})
+SCENES = {
+    name: SceneEntry(photos=None, settings={"town": {"seed": n}}) for n, name in enumerate(("north", "south", "far"))
+}
+
+
+class Learning(Stages):
+    """A model is better the more it is trained, and by one dB on places that it has seen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.trained: list[tuple[set[str], int, str]] = []  # on what, steps, start
+
+    def figures(self, stage, made: Made, files: Path):
+        if stage.name == "training":
+            settings = made["training"]
+            self.trained.append((self.given["training"], settings["steps"], settings["head"].get("start", "")))
+        if stage.name == "evaluation":
+            better = 1.0 if "file" in made["training"]["head"].get("start", "") else 0.0
+            write_test(files, {1: 20.0 + better, 2: 22.0 + better, 3: 24.0 + better}, others=19.0)
+        return super().figures(stage, made, files)
+
+
+@pytest.fixture
+def studied(tmp_path: Path):
+    store, stages = Store(tmp_path), Learning()
+    make = stages.maker(store)
+    made = make_data(store, ENTRY, SCENES, lambda of: make)
+    cells = cells_of(ENTRY, ("sweep",), 1)
+    results = make_cells(cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
+    return store, stages, results
+
+
+def test_every_scene_is_left_out_of_its_training(studied):
+    _, stages, results = studied
+    assert len(results) == 9 and not any(result.failure for result in results)
+    town = "town-0-00000"
+    wanted = {
+        frozenset(on)
+        for on in (
+            {"south", "far", town},
+            {"north", "far", town},
+            {"north", "south", town},
+            {"north"},
+            {"south"},
+            {"far"},
+        )
+    }
+    assert {frozenset(on) for on, *_ in stages.trained} == wanted
+
+
+def test_a_model_is_tuned_from_the_one_that_never_saw_the_scene_for_a_tenth_of_the_steps(studied):
+    _, stages, _ = studied
+    tuned = [(on, steps, start) for on, steps, start in stages.trained if start.endswith(".safetensors")]
+    assert [on for on, *_ in tuned] == [{"north"}, {"south"}, {"far"}]
+    assert {steps for _, steps, _ in tuned} == {20}
+    assert {steps for on, steps, start in stages.trained if start == "random"} == {200}
+
+
+def test_ways_are_compared_photograph_by_photograph(studied):
+    _, _, results = studied
+    found = findings("all", 1, "a machine", results)
+    assert len(found.rows) == 9
+    lead = found.against["north: plane sweep tuned over alone, about the scaffold"]
+    assert (lead.mean, lead.low, lead.high) == pytest.approx((1.0, 1.0, 1.0))
+    assert found.rows[0].over["plane_sweep"].mean == pytest.approx(3.0)
+
+
+def test_it_is_written_with_chart_and_page(studied):
+    store, _, results = studied
+    folder = write_study(store, publication(findings("all", 1, "a machine", results)))
+    page = (folder / "study.html").read_text()
+    assert all(text in page for text in ("never seen", "tuned", "alone", "plane sweep", "south"))
+    assert (folder / "chart.png").stat().st_size > 1000
+
+
+def test_a_scene_that_was_not_made_fails_alone(tmp_path: Path):
+    store, stages = Store(tmp_path), Learning()
+    stages.fails = lambda stage, made: "error: no luck" if stage == "sfm" and made["town"]["seed"] == 1 else ""
+    make = stages.maker(store)
+    made = make_data(store, ENTRY, SCENES, lambda of: make)
+    cells = cells_of(ENTRY, ("sweep",), 1)
+    results = make_cells(cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
+    assert {result.arm.scene for result in results if result.failure} == {"south"}
+    assert findings("all", 1, "m", results).failed
+
+
+def test_a_head_that_cannot_start_from_weights_is_not_tuned():
+    ways = [cell.arm.way for cell in cells_of(ENTRY, ("pixelnerf",), 2)]
+    assert "tuned" not in ways and ways.count("alone") == 6
