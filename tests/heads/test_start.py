@@ -58,6 +58,12 @@ def test_weights_of_a_file_are_taken(tmp_path) -> None:
     assert all(torch.equal(value, other.state_dict()[name]) for name, value in head.state_dict().items())
 
 
+def test_a_network_that_they_do_not_fit_starts_at_random_and_says_so() -> None:
+    start = build(SweepConfig(features=8)).start()
+    assert start.metrics == {"started_with": "random"}
+    assert "the shipped weights are of 16 features, not 8" in start.notes[0]
+
+
 def damaged(path):
     path.write_bytes(b"not weights at all")
 

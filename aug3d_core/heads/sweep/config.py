@@ -11,8 +11,9 @@ from pydantic import Field
 from aug3d_core.heads.config import HeadConfig
 
 TOWNS, RANDOM = "towns", "random"  # first weights that are no file
+SHIPPED_FEATURES = 16  # what it can be taken for
 SHIPPED = Path(__file__).with_name("towns")  # a trained head as the stage training writes it: docs/weights.md
-SHIPPED_DIGEST = ""  # SHA-256 of its weights
+SHIPPED_DIGEST = "f87deac1351a0f9e9195729d812845fdbd02e1b11707a922af93eda688e77f29"  # SHA-256 of its weights
 
 
 class SweepConfig(HeadConfig):
@@ -37,10 +38,10 @@ class SweepConfig(HeadConfig):
     )
 
     start: str = Field(
-        default=RANDOM,
+        default=TOWNS,
         min_length=1,
-        description="First weights: towns (shipped; trained on made-up towns alone), random, or a file model.safetensors of a"
-        " plane sweep.",
+        description="First weights: towns (shipped; trained on made-up towns alone; they fit 16 features, others start at"
+        " random), random, or a file model.safetensors of a plane sweep.",
     )
     recoloured_share: float = Field(
         default=0.25,
@@ -80,7 +81,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "learning_rate": 2e-3,
         "rendered_share": 0.6,
         "input_views": 5,
-        "head": SweepConfig(planes=64, features=24, crop_px=192),
+        "head": SweepConfig(planes=64, features=24, crop_px=192, start=RANDOM),
     },
     "paper": {
         "steps": 100_000,
@@ -89,6 +90,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "groups_per_step": 4,
         "input_views": 7,
         "checkpoint_every": 2000,
-        "head": SweepConfig(planes=128, features=32, crop_px=320),
+        "head": SweepConfig(planes=128, features=32, crop_px=320, start=RANDOM),
     },
 }

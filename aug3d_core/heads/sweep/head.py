@@ -17,7 +17,7 @@ from aug3d_core.dataset.scene import RENDERED, Scene
 from aug3d_core.dataset.warp import Inputs, Target, lookup, on_device
 from aug3d_core.heads.exposure import Exposure, gains
 from aug3d_core.heads.head import Head, Start, View, colour_measures, to_8_bit
-from aug3d_core.heads.sweep.config import RANDOM, TOWNS, SweepConfig
+from aug3d_core.heads.sweep.config import RANDOM, SHIPPED_FEATURES, TOWNS, SweepConfig
 from aug3d_core.heads.sweep.network import COARSE, Found, Given, Seen, SweepNetwork
 from aug3d_core.heads.sweep.start import load_first_weights
 
@@ -46,6 +46,9 @@ class SweepHead(Head):
     def start(self) -> Start:
         """Load the first weights that the settings name."""
         named = self.config.start
+        if named == TOWNS and self.config.features != SHIPPED_FEATURES:
+            note = f"the shipped weights are of {SHIPPED_FEATURES} features, not {self.config.features}: random ones were taken"
+            return Start(metrics={"started_with": RANDOM}, notes=(note,))
         if named != RANDOM:
             load_first_weights(self, named)
         return Start(metrics={"started_with": named if named in (RANDOM, TOWNS) else Path(named).name})
