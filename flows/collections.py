@@ -22,7 +22,7 @@ from aug3d_core.collections.towns import town_works
 from aug3d_core.collections.versions import published, version_metrics, versions
 from aug3d_core.factory.build import build
 from aug3d_core.factory.config import scene_config
-from aug3d_core.run.errors import Aug3dError, StageFailed, UsageError
+from aug3d_core.run.errors import Aug3dError, StageFailed, StoreError, UsageError
 from aug3d_core.run.limits import limits_from
 from aug3d_core.run.nested import nested, value_at
 from aug3d_core.scene_files import Schedule, read_each
@@ -196,6 +196,52 @@ def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
             print_version(found[-1], metrics, published(store, name))
             print(f"\n{message}")
         raise typer.Exit(0 if complete and metrics["state"] == "ok" else 3)
+
+
+@collections.command("export")
+def export(
+    name: Name,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
+    form: Annotated[
+        str, typer.Option("--format", help="chunks: pixelSplat, MVSplat, DepthSplat; wai: map-anything.")
+    ] = "chunks",
+    home: Home = HOME,
+    as_json: AsJson = False,
+) -> None:
+    """Write the data sets of a trained collection for other feed-forward models: what is trained on, and every test.
+
+    Views have the size that their scenes are packed at: set dataset.width_px and dataset.height_px of the scenes to what a
+    loader wants.
+    """
+    with typed_errors(as_json):
+        from aug3d_core.dataset.files import SCENE_ZARR
+        from aug3d_core.dataset.on_disk import Cache
+        from aug3d_core.dataset.reader import read
+        from aug3d_core.export.packed import export_packed
+
+        store = Store(home)
+        COLLECTIONS.read(store, name)
+        found = versions(store, name)
+        if not found:
+            raise UsageError(f"collection {name!r} was never trained", f"run aug3d collections train {name} first")
+        cache, scenes = Cache(2**28), []
+        with store.using():
+            for scene, told in version_metrics(found[-1])["scenes"].items():
+                stage = "exact_town" if told["role"] == "town" else "dataset"
+                for data, facts in told["data"].items():
+                    record = store.find(stage, facts["key"])
+                    if record is None:
+                        raise StoreError(
+                            f"the data set of {scene} is gone from {store.root}", "train the collection again"
+                        )
+                    # Of a scene in folds the first is trained on; the others show its test
+                    trained = told["role"] != "hold out" and data == next(iter(told["data"]))
+                    scenes.append((data, read(store.files_dir(record) / SCENE_ZARR, cache), trained))
+            counts = export_packed(scenes, form, folder)
+        if as_json:
+            print(json.dumps({"folder": str(folder), "format": form, "sequences": counts}))
+        else:
+            print(f"{counts['train']} sequences to train on and {counts['test']} tests are in {folder}")
 
 
 @collections.command("towns")

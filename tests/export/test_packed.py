@@ -1,0 +1,107 @@
+"""Layouts of other models, read back field by field; poses are checked by projecting points that are known."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+import torch
+from PIL import Image
+
+from aug3d_core.dataset.projection import ground_points, project
+from aug3d_core.dataset.scene import SPLITS
+from aug3d_core.export.packed import CHUNKS, EVALUATION_INDEX, WAI, export_packed
+from aug3d_core.run.errors import UsageError
+from tests.toy_scene import toy_scene
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    return [("near", toy_scene(0, 48, 36), True), ("far", toy_scene(1, 48, 36), False)]
+
+
+@pytest.fixture(scope="module")
+def chunks(scenes, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("chunks") / "out"
+    counts = export_packed(scenes, CHUNKS, folder)
+    assert counts == {"train": 1 + 4, "test": 2 * len(scenes[0][1].groups["test"])}
+    return folder
+
+
+def examples(folder, part):
+    index = json.loads((folder / part / "index.json").read_text())
+    found = {}
+    for file in sorted(set(index.values())):
+        for one in torch.load(folder / part / file, weights_only=True):
+            assert index[one["key"]] == file
+            found[one["key"]] = one
+    assert found.keys() == index.keys()
+    return found
+
+
+def test_chunks_have_the_fields_that_loaders_read(chunks, scenes):
+    for part in ("train", "test"):
+        for one in examples(chunks, part).values():
+            views = len(one["images"])
+            assert one["cameras"].shape == (views, 18) and one["cameras"].dtype == torch.float32
+            assert one["timestamps"].shape == (views,) and one["timestamps"].dtype == torch.int64
+            assert (one["timestamps"].diff() > 0).all()
+            assert all(image.dtype == torch.uint8 and image.dim() == 1 for image in one["images"])
+    scene = scenes[0][1]
+    near = examples(chunks, "train")["near"]
+    rows = np.flatnonzero((scene.splits == SPLITS.index("train")) & (scene.dome_id < 0))
+    shown = [np.asarray(Image.open(io.BytesIO(image.numpy().tobytes()))) for image in near["images"]]
+    assert np.array_equal(np.stack(shown), scene.images[rows])
+
+
+def test_points_are_where_a_chunk_s_cameras_say(chunks, scenes):
+    scene = scenes[0][1]
+    rows = np.flatnonzero((scene.splits == SPLITS.index("train")) & (scene.dome_id < 0))
+    points, reached = ground_points(scene, int(rows[0]))
+    points = points[reached][::50]
+    for camera, view in zip(examples(chunks, "train")["near"]["cameras"].double().numpy(), rows, strict=True):
+        in_cam = np.column_stack([points, np.ones(len(points))]) @ camera[6:].reshape(3, 4).T
+        share = in_cam[:, :2] / in_cam[:, 2:] * camera[:2] + camera[2:4]
+        there, ahead = project(scene, int(view), points)
+        assert np.allclose(share[ahead] * [48, 36], there[ahead], atol=1e-2)
+
+
+def test_the_held_out_targets_are_named_and_never_trained_on(chunks, scenes):
+    index = json.loads((chunks / EVALUATION_INDEX).read_text())
+    tests = examples(chunks, "test")
+    assert index.keys() == tests.keys()
+    for name, scene, _ in scenes:
+        for number, members in enumerate(scene.groups["test"]):
+            told = index[f"{name}-test-{number:05d}"]
+            rows = np.sort(members)
+            assert rows[told["target"]].tolist() == [members[0]]
+            assert sorted(rows[told["context"]]) == sorted(members[1:])
+    train = examples(chunks, "train")
+    assert not any(key.startswith("far") for key in train), "a scene that is held out"
+
+
+def test_wai_keeps_poses_depth_and_masks(scenes, tmp_path):
+    export_packed(scenes[:1], WAI, tmp_path / "out")
+    scene = scenes[0][1]
+    folder = tmp_path / "out" / "train" / "near-dome-00000"
+    meta = json.loads((folder / "scene_meta.json").read_text())
+    assert meta["camera_convention"] == "opencv" and meta["frame_modalities"]["depth"]["format"] == "depth"
+    rows = np.flatnonzero(scene.dome_id == 0)
+    for frame, view in zip(meta["frames"], rows, strict=True):
+        assert np.allclose(frame["transform_matrix"], scene.world_from_cam[view])
+        assert np.allclose([frame[name] for name in ("fl_x", "fl_y", "cx", "cy")], scene.intrinsics[view])
+        with Image.open(folder / frame["image"]) as image:
+            assert np.array_equal(np.asarray(image), scene.images[view])
+        with OpenEXR.File(str(folder / frame["depth"])) as file:
+            assert np.allclose(file.channels()["Y"].pixels, scene.depth[view], rtol=1e-3)
+
+
+def test_a_folder_in_use_and_an_unknown_format_are_refused(scenes, tmp_path):
+    (tmp_path / "note.txt").write_text("mine")
+    with pytest.raises(UsageError, match="not an empty folder"):
+        export_packed(scenes, CHUNKS, tmp_path)
+    with pytest.raises(UsageError, match="no format 'zip'"):
+        export_packed(scenes, "zip", tmp_path / "new")
