@@ -38,7 +38,7 @@ class Darkroom:
 
     def exposed(
         self, rgb: UInt8[np.ndarray, "h w 3"], alpha: UInt8[np.ndarray, "h w"], view: int
-    ) -> UInt8[np.ndarray, "h w 3"]:
+    ) -> UInt8[np.ndarray, "H W 3"]:
         """Return what falls on the sensor, before its noise."""
         # Generators per photograph: its noise must not depend on which shards were rendered before.
         image = over_sky(rgb, alpha)
