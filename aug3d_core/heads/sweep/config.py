@@ -69,8 +69,9 @@ class SweepConfig(HeadConfig):
 CONFIG = SweepConfig
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "tiny": {
-        "steps": 2500,
-        "learning_rate": 2e-3,
+        "steps": 1000,
+        "learning_rate": 1e-3,
+        "warmup_steps": 50,
         "rendered_share": 0.6,
         "groups_per_step": 1,
         "input_views": 5,

@@ -93,10 +93,10 @@ def test_other_presets_leave_nothing_open(preset: str, store: Store) -> None:
 
 
 def test_whoever_sets_a_value_decides_it_be_it_the_presets_own(store: Store) -> None:
-    assert scene_config(AUTO).training.steps == 2500
-    config = scene_config(AUTO, ["training.steps=2500"])
+    assert scene_config(AUTO).training.steps == 1000
+    config = scene_config(AUTO, ["training.steps=1000"])
     assert "training.steps" not in config.auto and "depth.max_px" in config.auto
-    assert settled(store, "training", "training.steps=2500").steps == 2500
+    assert settled(store, "training", "training.steps=1000").steps == 1000
     again = overridden(config, ["depth.max_px=300"])
     assert set(config.auto) - set(again.auto) == {"depth.max_px"}
 
@@ -237,10 +237,10 @@ def test_nothing_is_rendered_for_photographs_that_overlap_in_tens(store: Store) 
 
 
 def test_steps_grow_with_what_there_is_to_learn_from(store: Store) -> None:
-    assert settled(store, "training").steps == 620
-    assert settled(store, "training", train=62).steps == 1240
-    assert settled(store, "training", "training.head.crop_px=64", train=62).steps == 4960
-    assert settled(store, "training", train=6).steps == 600, "the rate has to rise and fall"
+    assert settled(store, "training").steps == 372
+    assert settled(store, "training", train=62).steps == 744
+    assert settled(store, "training", "training.head.crop_px=64", train=62).steps == 2976
+    assert settled(store, "training", train=6).steps == 300, "the rate has to rise and fall"
 
 
 def test_rays_are_counted_where_a_step_looks_along_rays(store: Store) -> None:
@@ -251,9 +251,9 @@ def test_rays_are_counted_where_a_step_looks_along_rays(store: Store) -> None:
 
 
 def test_more_of_the_same_is_not_trained_on_longer(store: Store) -> None:
-    assert settled(store, "training", train=60).steps == 1200
-    assert settled(store, "training", train=60, alike=10).steps == 600, "of ten that show the same, five stay"
-    assert settled(store, "training", train=60, alike=5).steps == 1200, "the model is given five: each is wanted"
+    assert settled(store, "training", train=60).steps == 720
+    assert settled(store, "training", train=60, alike=10).steps == 360, "of ten that show the same, five stay"
+    assert settled(store, "training", train=60, alike=5).steps == 720, "the model is given five: each is wanted"
     assert settled(store, "sampling", train=60, alike=10).domes == 2
 
 
@@ -269,9 +269,9 @@ def test_the_network_is_as_wide_as_there_are_pixels_to_learn_it_from(store: Stor
 
 def test_few_steps_are_all_made(store: Store) -> None:
     few = settled(store, "training")
-    assert (few.least_gain_db, few.warmup_steps) == (0, 25), "a twenty-fifth, as the preset has it"
+    assert (few.least_gain_db, few.warmup_steps) == (0, 19), "a twentieth, as the preset has it"
     many = settled(store, "training", train=200)
-    assert (many.least_gain_db, many.warmup_steps) == (0.05, 100)
+    assert (many.least_gain_db, many.warmup_steps) == (0.05, 50)
     assert settled(store, "training", "training.steps=50").least_gain_db == 0.05, "these were not decided here"
 
 

@@ -160,7 +160,7 @@ def test_effort_is_the_same_in_every_run_and_less_than_the_presets(stages: Stage
         for name in ("seed", "input_views"):
             config.pop(name)
     assert all(config == configs[0] for config in configs)
-    assert configs[0]["head"]["features"] == 8 and configs[0]["steps"] == found.effort["steps"] < 2500
+    assert configs[0]["head"]["features"] == 8 and configs[0]["steps"] == found.effort["steps"] < 1000
     assert configs[0]["least_gain_db"] == 0, "no arm ends before another"
 
 
