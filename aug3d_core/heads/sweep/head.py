@@ -27,6 +27,7 @@ _EDGES = 0.2  # weight of the error of differences between neighbouring pixels
 _HEIGHT_SOFT = 0.05  # the same of heights in the slab
 _PLANES = 0.1  # weight of the likelihood of the right planes, beside the error of the mean height
 _LEVEL = 0.3  # of the slab: about the ground, at which inputs are compared where no scaffold tells better
+_LEAST_ASIDE = 0.005  # 1 - cosine: looks that are closer to the target's are as close
 _OFF, _WAVE_PX = 0.03, 16  # of the errors given to exact scaffolds: at most this spread [slabs], one in so many px
 _MOST_PX = 3  # by which an edge of theirs is moved
 
@@ -223,7 +224,7 @@ def _alike(
     scaffolds: Float[Tensor, "v 1 y x"] | None,
 ) -> Float[Tensor, "v y x 3"]:
     """Return the inputs with exposures that make them alike where they show the same points: those of the scaffold, or of a
-    level that is good enough for a median.
+    level that is good enough for a median. Those that look most as the target does count most: it was exposed as they were.
     """
     coarse = target.at_stride(COARSE)
     if start is None:
@@ -235,7 +236,12 @@ def _alike(
     seen = inside & (shown[:, 3:] > 0.5) & (depth > 0)
     if scaffolds is not None:
         seen = seen & ~cameras.hidden(coarse, depth, scaffolds, xy_px)[:, None]
-    return (rgb * gains(shown[:, :3], seen.float())[:, None, None]).clamp(0, 1)
+    factors = gains(shown[:, :3], seen.float())
+    points = seen.flatten(1).sum(dim=1)
+    aside = ((1 - cameras.cosines(coarse, depth)) * seen[:, 0]).flatten(1).sum(dim=1) / points.clamp(min=1)
+    like = points / (aside + _LEAST_ASIDE)
+    usual = (factors.log() * (like / like.sum().clamp(min=1e-6))[:, None]).sum(dim=0)
+    return (rgb * (factors / usual.exp())[:, None, None]).clamp(0, 1)
 
 
 def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:
