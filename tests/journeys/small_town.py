@@ -13,7 +13,11 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "sampling": {"domes": 2, "width_px": 96, "height_px": 72},
     "rendering": {"views_per_shard": 4, "samples": 4},
     "dataset": {"width_px": 96, "height_px": 72},
-    "training": {"steps": 30, "checkpoint_every": 10, "head": {"planes": 8, "features": 8, "crop_px": 64, "start": "random"}},
+    "training": {
+        "steps": 30,
+        "checkpoint_every": 10,
+        "head": {"planes": 8, "features": 8, "crop_px": 64, "start": "random"},
+    },
     "evaluation": {"flythrough_frames": 4},
 }
 
