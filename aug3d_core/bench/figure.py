@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from aug3d_core.studies.common.trial import Trial
 
@@ -32,3 +34,13 @@ def told(trial: Trial, stage: str, name: str) -> float | None:
     """Return a stage's figure as a number, None where the trial did not get there."""
     value = trial.metric(stage, name)
     return None if value is None else float(value)
+
+
+def names_of(folders: Sequence[Path]) -> list[str]:
+    """Return a name for each folder: its own, behind that of the folder above where several have the same."""
+    own = [folder.resolve() for folder in folders]
+    names = [folder.name for folder in own]
+    return [
+        f"{folder.parent.name}_{name}" if names.count(name) > 1 else name
+        for folder, name in zip(own, names, strict=True)
+    ]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from aug3d_core.bench.figure import Figure, at_least, at_most, told
+from aug3d_core.bench.figure import Figure, at_least, at_most, names_of, told
 from aug3d_core.collections.towns import town_works
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.new_views import only
@@ -47,17 +47,17 @@ def figures(store: Store, scene: Measured, say: Say, photos: tuple[Path, ...], t
     make, found = directly(store, say), {}
     model = _shipped()
     tests: dict[str, list[Record]] = {}
-    for place, folder in enumerate(photos):
+    for place, (name, folder) in enumerate(zip(names_of(photos), photos, strict=True)):
         trial = _packed(store, folder, make)
         if trial.failure:
-            found[folder.name] = Figure(None, "dB", None, None, trial.failure)
+            found[name] = Figure(None, "dB", None, None, trial.failure)
             continue
-        tests[folder.name] = trial.of(["dataset"])
-        views = _judged(store, tests[folder.name], model, make)
+        tests[name] = trial.of(["dataset"])
+        views = _judged(store, tests[name], model, make)
         goals = {answer: both[min(place, 1)] for answer, both in GOALS_DB.items()}
-        found |= _scores(views, f"{folder.name}_never_seen", goals)
-        found |= _tuned(store, scene, tests[folder.name][0], views, folder.name, make)
-        found |= _flight(store, folder, model, make)
+        found |= _scores(views, f"{name}_never_seen", goals)
+        found |= _tuned(store, scene, tests[name][0], views, name, make)
+        found |= _flight(store, folder, name, model, make)
     if towns and tests:
         found |= _by_towns(store, scene, tests, make)
     return found | reading(store, scene, make)
@@ -166,7 +166,7 @@ def _by_towns(store: Store, scene: Measured, tests: Mapping[str, list[Record]], 
     return found
 
 
-def _flight(store: Store, folder: Path, model: Source, make: Make) -> dict[str, Figure]:
+def _flight(store: Store, folder: Path, name: str, model: Source, make: Make) -> dict[str, Figure]:
     """Time the way from a folder of at most 30 photographs to a flight, with nothing in the store."""
     fresh = store.root / "flight"
     shutil.rmtree(fresh, ignore_errors=True)
@@ -178,14 +178,14 @@ def _flight(store: Store, folder: Path, model: Source, make: Make) -> dict[str, 
     make = directly(inside, lambda *_: None)
     trial = tried(walk(inside, TO_POSES, scene_config("auto"), Material(photos=some), make))
     if trial.failure:
-        return {f"{folder.name}_flight": Figure(None, "min", None, None, trial.failure)}
+        return {f"{name}_flight": Figure(None, "min", None, None, trial.failure)}
     sources = {"sfm": source_of(inside, trial.records["sfm"]), "training": model}
     shown = tried(single(PREVIEW, PreviewConfig(), sources, make))
     minutes = (time.monotonic() - begun) / 60
     shutil.rmtree(fresh)
     return {
-        f"{folder.name}_flight_minutes": at_most(FLIGHT_MINUTES, minutes, "min"),
-        f"{folder.name}_flight_over_homography": Figure(told(shown, "preview", "over_homography_db"), "dB"),
+        f"{name}_flight_minutes": at_most(FLIGHT_MINUTES, minutes, "min"),
+        f"{name}_flight_over_homography": Figure(told(shown, "preview", "over_homography_db"), "dB"),
     }
 
 

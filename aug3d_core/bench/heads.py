@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from aug3d_core.bench.figure import Figure, at_least, at_most, told
+from aug3d_core.bench.figure import Figure, at_least, at_most, names_of, told
 from aug3d_core.factory.material import Source, source_of
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.judging.config import EvaluationConfig
@@ -35,14 +35,14 @@ def figures(store: Store, scene: Measured, say: Say, photos: tuple[Path, ...]) -
     if sweep.failure:
         return {"town": Figure(None, "dB", None, None, sweep.failure)}
     found = _scene_figures(store, sweep, "town", TOWN_GOALS) | _cost(sweep) | _pixelnerf(store, scene, say, sweep)
-    for folder in photos:
+    for name, folder in zip(names_of(photos), photos, strict=True):
         other = _trial(store, scene, say, SWEEP, folder)
         if other.failure:
-            found[folder.name] = Figure(None, "dB", None, None, other.failure)
+            found[name] = Figure(None, "dB", None, None, other.failure)
             continue
-        found |= _scene_figures(store, other, folder.name, REAL_GOALS)
+        found |= _scene_figures(store, other, name, REAL_GOALS)
         elsewhere = _elsewhere(store, say, sweep, other)
-        found |= _scene_figures(store, elsewhere, f"{folder.name}_never_seen", {})
+        found |= _scene_figures(store, elsewhere, f"{name}_never_seen", {})
     return found
 
 
