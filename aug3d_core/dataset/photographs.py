@@ -6,18 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
-from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.projection import middle_ground
+from aug3d_core.dataset.real import photo, seen_depths
 from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
-from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
 
 
 def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: float, margin_share: float) -> Scene:
@@ -31,11 +30,8 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
     poses = homogeneous(invert(views.cam_from_world))
     images, bounds = [], []
     for view, (crop, pose) in enumerate(zip(fits, poses, strict=True)):
-        with Image.open(sfm / VIEW_IMAGES / image_name(int(views.photo_id[view]))) as image:
-            images.append(crop.colour(np.asarray(image.convert("RGB"))))
-        seen = depths_in(views.cam_from_world[view], points.xyz[tracks.point[tracks.view == view]])
-        seen = seen if len(seen) else depths_in(views.cam_from_world[view], points.xyz)
-        bounds.append(near_far(slab, pose, intrinsics[view], size_px, seen))
+        images.append(crop.colour(photo(sfm, int(views.photo_id[view]))))
+        bounds.append(near_far(slab, pose, intrinsics[view], size_px, seen_depths(views, points, tracks, view)))
     shape = (count, size_px[1], size_px[0])
     scene = Scene(
         images=np.stack(images),

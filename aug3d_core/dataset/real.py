@@ -46,9 +46,9 @@ def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: Datase
     fits = [fit(int(w), int(h), *size) for w, h in views.size]
     world_from_cam = homogeneous(invert(views.cam_from_world))
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
-    images = np.stack([f.colour(_photo(sfm, int(i))) for f, i in zip(fits, views.photo_id, strict=True)])
+    images = np.stack([f.colour(photo(sfm, int(i))) for f, i in zip(fits, views.photo_id, strict=True)])
     bounds = [
-        near_far(slab, world_from_cam[i], intrinsics[i], size, _seen_depths(views, points, tracks, i))
+        near_far(slab, world_from_cam[i], intrinsics[i], size, seen_depths(views, points, tracks, i))
         for i in range(len(views))
     ]
     splits = read_splits(grouping / SPLIT_TABLE, views)
@@ -72,7 +72,8 @@ def read_splits(path: Path, views: Views) -> UInt8[np.ndarray, " n"]:
     return np.array([SPLITS.index(role) for role in table["role"]], np.uint8)
 
 
-def _photo(sfm: Path, photo_id: int) -> UInt8[np.ndarray, "h w 3"]:
+def photo(sfm: Path, photo_id: int) -> UInt8[np.ndarray, "h w 3"]:
+    """Return an undistorted photograph."""
     with Image.open(sfm / VIEW_IMAGES / image_name(photo_id)) as image:
         return np.asarray(image.convert("RGB"))
 
@@ -86,6 +87,7 @@ def _stereo(depth: Path, photo_id: int, config: DatasetConfig, known: bool) -> F
     return fit(values.shape[1], values.shape[0], config.width_px, config.height_px).nearest(values).astype(np.float16)
 
 
-def _seen_depths(views: Views, points: Points, tracks: Tracks, view: int) -> np.ndarray:
+def seen_depths(views: Views, points: Points, tracks: Tracks, view: int) -> np.ndarray:
+    """Return the depths of the points that a view is known to see; of all points before it where there are none."""
     depths = depths_in(views.cam_from_world[view], points.xyz[tracks.point[tracks.view == view]])
     return depths if len(depths) else depths_in(views.cam_from_world[view], points.xyz)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 _MIDDLE, _SPREAD = 0.5, 0.25  # what every group's mean and standard deviation become
 _DARKEST, _BRIGHTEST = 0.03, 0.97  # colours beyond say little of an exposure
-_MOST_GAIN, _RIDGE = 2.0, 1e-3
+_MOST_GAIN, _RIDGE, _FEWEST_POINTS = 2.0, 1e-3, 64
 _LEAST_SPREAD = 0.02  # of images in [0, 1]: noise is not blown up to a picture
 
 
@@ -51,12 +51,10 @@ class Exposure:
         return self.mean.view(shape), self.spread.view(shape)
 
 
-def gains(
-    colours: Float[Tensor, "v 3 h w"], seen: Float[Tensor, "v 1 h w"], least_px: int = 64
-) -> Float[Tensor, "v 3"]:
+def gains(colours: Float[Tensor, "v 3 h w"], seen: Float[Tensor, "v 1 h w"]) -> Float[Tensor, "v 3"]:
     """Return factors that make views of the same points alike, in each channel; their logarithms have zero mean.
 
-    For each two views that both see at least `least_px` points the median of their colours' ratio counts, as often as there
+    For each two views that both see at least _FEWEST_POINTS points the median of their colours' ratio counts, as often as there
     are points. A view that shares none keeps its colours. A factor is at most _MOST_GAIN, or one by it.
     """
     views = len(colours)
@@ -70,7 +68,7 @@ def gains(
         for other in range(one + 1, views):
             both = (usable[one] & usable[other]).flatten()
             count = int(both.sum())
-            if count < least_px:
+            if count < _FEWEST_POINTS:
                 continue
             apart = (logs[one][:, both] - logs[other][:, both]).median(dim=1).values
             equations[[one, other], [one, other]] += count

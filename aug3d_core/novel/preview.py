@@ -28,11 +28,11 @@ from aug3d_core.judging.inputs import chosen_inputs
 from aug3d_core.judging.scores import psnr
 from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
+from aug3d_core.novel.outside import MARGIN_SHARE, OUTLIER_SHARE
 from aug3d_core.novel.views import most_alike
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome, Progress
 
-OUTLIER_SHARE, MARGIN_SHARE = 0.005, 0.1  # of the slab, as the stage dataset measures it unless told otherwise
 FRAMES_PER_SECOND = 8
 _ACROSS = (0.1, 0.9)  # quantiles of the cameras along their longest line, between which the flight goes
 _NEAR = 24  # photographs that look nearest to a view: of these its inputs are chosen
@@ -66,9 +66,9 @@ def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: 
                 (f"photo {scene.photo_id[target]}", truth),
                 (f"prediction {scores[-1]:.1f} dB", view.colour),
                 *_depth(view),
+                (f"homography {cheap[-1]:.1f} dB", plain),
             ]
         )
-        rows[-1].append((f"homography {cheap[-1]:.1f} dB", plain))
     panels.save(panels.grid(rows), out / PREVIEW_SHEET)
     seen = _fly(head, scene, config, out, lambda frame: progress(len(chosen) + frame, total, "flight"))
     progress(total, total, "done")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Float16, Int
 
-from aug3d_core.geometry.transforms import apply, homogeneous, invert, project
+from aug3d_core.geometry.transforms import apply, invert, project
 from aug3d_core.geometry.views import Views
 
 NET = (12, 9)  # points of a view, across and down
@@ -48,8 +48,3 @@ def grouped(views: Views, depth: Float16[np.ndarray, "n h w"], k: int) -> Int[np
     share = shared(views, depth)
     np.fill_diagonal(share, 2.0)
     return np.argsort(-share, axis=1, kind="stable")[:, :k].astype(np.int32)
-
-
-def poses(views: Views) -> Float[np.ndarray, "n 4 4"]:
-    """Return `world_from_cam` of each view."""
-    return homogeneous(invert(views.cam_from_world))

@@ -16,6 +16,7 @@ from aug3d_core.dataset.images import CONVENTION
 from aug3d_core.dataset.scene import RENDERED, SPLITS, Scene, check
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.dataset.writer import write
+from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
 from aug3d_core.run.errors import InputError
@@ -26,7 +27,7 @@ from aug3d_core.town.drone.lens import Lens
 from aug3d_core.town.drone.sensor import Defects
 from aug3d_core.town.drone.studio import Studio
 from aug3d_core.town.exact.config import ExactTownConfig
-from aug3d_core.town.exact.groups import grouped, net_points, poses
+from aug3d_core.town.exact.groups import grouped, net_points
 from aug3d_core.town.generator.terrain import terrain_of
 from aug3d_core.town.generator.town import build_town
 
@@ -98,7 +99,7 @@ def _scene(
 ) -> Scene:
     n, (height, width) = len(views), images.shape[1:3]
     slab = slab_of(np.concatenate(net_points(views, depth)), config.outlier_share, config.margin_share)
-    world_from_cam = poses(views)
+    world_from_cam = homogeneous(invert(views.cam_from_world))
     seen = [np.asarray(one[one > 0], float) for one in depth]
     if bare := [view for view, depths in enumerate(seen) if not len(depths)]:
         raise InputError(f"photograph {bare[0]} of the flight shows nothing but sky", "tilt the camera down")
