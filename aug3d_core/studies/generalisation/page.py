@@ -69,29 +69,31 @@ def _tables(found: GeneralisationFindings) -> str:
 
 
 def draw(found: GeneralisationFindings, path: Path) -> None:
-    """Draw processor time of training against PSNR, a panel for each scene."""
+    """Draw processor time of training against PSNR, a panel for each scene; empty marks are from the inputs alone."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     scenes: Sequence[str] = list(dict.fromkeys(row.scene for row in found.rows)) or ["none"]
-    figure = Figure(figsize=(4.2 * len(scenes), 3.8), layout="constrained")
+    heads = list(dict.fromkeys(row.head for row in found.rows))
+    figure = Figure(figsize=(4.2 * len(scenes), 4.4), layout="constrained")
     FigureCanvasAgg(figure)
+    marks = {}
     for axes, scene in zip(figure.subplots(1, len(scenes), squeeze=False)[0], scenes, strict=True):
         for row in (row for row in found.rows if row.scene == scene):
-            minutes = max(row.cpu_seconds / 60, 0.01)
-            for value, filled in ((row.alone_psnr, False), (row.psnr, True)):
-                colour = "tab:blue" if row.head == "sweep" else "tab:orange"
-                face = colour if filled else "none"
-                axes.plot(minutes, value, _MARKS[row.way], color=colour, markerfacecolor=face)
-            axes.annotate(
-                f"{row.way}, {title_of(row.head)}",
-                (minutes, row.psnr),
-                fontsize=7,
-                xytext=(4, 4),
-                textcoords="offset points",
-            )
+            colour, minutes = f"C{heads.index(row.head)}", max(row.cpu_seconds / 60, 0.01)
+            look = {"marker": _MARKS[row.way], "linestyle": "none", "color": colour}
+            name = f"{row.way}, {title_of(row.head)}"
+            marks[name] = axes.plot(minutes, row.psnr, **look)[0]
+            axes.plot(minutes, row.alone_psnr, **look, markerfacecolor="none")
         axes.set_title(scene)
         axes.set_xlabel("training [processor min]")
         axes.set_ylabel("PSNR [dB]; empty: from the inputs alone")
         axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.margins(0.15)
+    if marks:
+        figure.legend(marks.values(), marks.keys(), loc="outside lower center", ncols=2, fontsize=8)
     figure.savefig(path, dpi=120)
