@@ -44,7 +44,8 @@ class GroupingConfig(StageConfig):
         default=None,
         ge=1,
         le=20,
-        description="Blocks that the ground is cut into, each once the test; 1: a single split; none: as the scene needs.",
+        description="Blocks of ground that are each once the test. 1: an end; 2: both ends; more: all the ground, cut into"
+        " so many; none: an end, or both where one tests too few photographs or training sees it.",
     )
     fold: int = Field(
         default=0, ge=0, le=19, description="Block held out, from 0; a whole run makes every fold, whatever is set."

@@ -20,7 +20,8 @@ def decisions(metrics: Mapping[str, Any], config: GroupingConfig, notes: Sequenc
             measured=next((note for note in notes if "gap" in note), f"{config.gap_footprints} asked for"),
             rule="as wide as leaves enough to train on",
         )
-    small, enough = "a small scene is tested on all of it, block by block", "one test block holds enough photographs"
+    small = "one block holds few test photographs, or training sees it"
+    enough = "one block holds enough test photographs behind a gap"
     yield Decision(
         field="grouping.folds",
         value=metrics["folds"],

@@ -4,12 +4,14 @@ The ground that the views look at is cut across its longest direction, and one p
 `support` (inputs at test time) or `target` (what is predicted). A view outside that looks within a footprint of where one
 of the block looks, or shares too many points with the block, is `gap` and used by nobody in training; the rest is `train`.
 
-A single split takes an end of the ground. Where that would test too few photographs to say anything, the whole ground is
-cut into folds: each is the test block of a data set and a model of its own, and the figures are taken over all of them.
+A single split takes an end of the ground. Where that would test too few photographs to say anything, or leave a test that
+training sees, both ends are taken: each is the test block of a data set and a model of its own, and the figures are taken
+over both. An end has neighbours on one side only, so its gap can be wider than that of a block in the middle.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
@@ -21,7 +23,8 @@ from scipy import sparse
 from aug3d_core.geometry.footprint import footprints_apart
 from aug3d_core.run.errors import InputError
 
-LEAST_TARGETS = 3  # fewer photographs in the test say nothing: then there are folds
+LEAST_TARGETS = 4  # the 95 % interval of three reaches 2.5 standard deviations to each side, that of four 1.6
+MOST_NARROWED = 0.5  # a gap narrowed by more leaves a test that training sees
 _EVERY_THIRD = 3
 _LEAST_FOLD = 5  # views: two targets, and the three inputs that the model is given
 _LEAST_TRAIN_SHARE = 0.35
@@ -78,8 +81,8 @@ def split_views(
     """Split the views; `footprint` in world units, `visible` is views x points.
 
     If fewer than about a third (and at least 2) of the views are left for training, the gap is narrowed, in ground and in
-    shared points alike, until they are; `Split.narrowed` says how far. A single split takes the end where that is less, then
-    the one that leaves more for training.
+    shared points alike, until they are; `Split.narrowed` says how far. Of the ways to hold ground out, the first is taken
+    that tests enough photographs behind a gap that is not narrowed too far; if there is none, the one with the widest gap.
     Raises InputError where there are too few views, or no such fold.
     """
     count = len(look_in_world)
@@ -88,18 +91,67 @@ def split_views(
             f"{count} views are too few for a test: it needs 2, and training needs 2",
             "Add photographs that overlap with the ones that could be placed.",
         )
-    folds = _folds(count, config)
+    if config.folds is not None and config.folds > count // 2:
+        raise InputError(
+            f"{count} views cannot be cut into grouping.folds = {config.folds}: each needs 2 for its test",
+            f"Set grouping.folds to at most {count // 2}, or leave it out.",
+        )
     least = max(2, round(_LEAST_TRAIN_SHARE * count))
-    cuts = []
-    for block in _blocks(look_in_world, photo_id, folds, config):
+
+    def cut(block: Bool[np.ndarray, " n"]) -> _Cut:
         needed = _narrowing(block, look_in_world, footprint, visible, config)
         narrowed = float(np.sort(needed)[min(least, count - int(block.sum())) - 1])
-        cuts.append((block, needed <= narrowed, narrowed))
-    block, train, narrowed = min(cuts, key=lambda cut: (cut[2], -cut[1].sum()))
-    role = np.where(train, Role.TRAIN, Role.GAP).astype("<U7")
-    role[block] = Role.SUPPORT
-    role[_targets(block, photo_id)] = Role.TARGET
-    return Split(role, folds, narrowed)
+        return _Cut(block, needed <= narrowed, narrowed, _targets(block, photo_id))
+
+    along = np.lexsort((photo_id, look_in_world @ main_axis(look_in_world)))
+    cuts = _chosen(_ways(along, cut, config))
+    if config.fold >= len(cuts):
+        raise InputError(
+            f"there is no grouping.fold {config.fold}: the scene has {len(cuts)}, counted from 0",
+            f"Set grouping.fold to at most {len(cuts) - 1}, or leave it out.",
+        )
+    own = cuts[config.fold]
+    role = np.where(own.train, Role.TRAIN, Role.GAP).astype("<U7")
+    role[own.block] = Role.SUPPORT
+    role[own.targets] = Role.TARGET
+    return Split(role, len(cuts), own.narrowed)
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """A test block, the views that may be trained on, how far the gap between them is narrowed, and the block's targets."""
+
+    block: Bool[np.ndarray, " n"]
+    train: Bool[np.ndarray, " n"]
+    narrowed: float
+    targets: Int[np.ndarray, " t"]
+
+
+def _ways(
+    along: Int[np.ndarray, " n"], cut: Callable[[Bool[np.ndarray, " n"]], _Cut], config: SplitSettings
+) -> list[list[_Cut]]:
+    """Return the ways to hold ground out, each a cut for every fold, the cheapest first. along: the views along the ground."""
+    count, views = len(along), np.arange(len(along))
+
+    def ends(size: int) -> list[_Cut]:
+        return [cut(np.isin(views, block)) for block in (along[-size:], along[:size])]
+
+    if config.folds is not None and config.folds > 2:
+        return [[cut(np.isin(views, block)) for block in np.array_split(along, config.folds)]]
+    size = min(max(2, round(config.test_share * count)), count - 2)
+    single = [min(ends(size), key=lambda end: (end.narrowed, -end.train.sum()))]
+    if config.folds == 1 or (config.folds is None and count < 2 * _LEAST_FOLD):
+        return [single]
+    small = min(_LEAST_FOLD, count // 2)
+    both = [ends(size) for size in sorted({min(max(size, small), count // 2), small}, reverse=True)]
+    return both if config.folds == 2 else [single, *both]
+
+
+def _chosen(ways: list[list[_Cut]]) -> list[_Cut]:
+    """Return the first way that says enough; without one, that with the widest gaps, if need be with few photographs."""
+    tested = [way for way in ways if sum(len(cut.targets) for cut in way) >= LEAST_TARGETS]
+    sound = [way for way in tested if max(cut.narrowed for cut in way) <= MOST_NARROWED]
+    return sound[0] if sound else min(tested or ways, key=lambda way: max(cut.narrowed for cut in way))
 
 
 def shared_share_with(visible: sparse.csr_array, block: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -113,42 +165,6 @@ def main_axis(positions: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " 2"]:
     """Return the unit direction of greatest spread, its larger component positive."""
     axis = np.linalg.svd(positions - positions.mean(axis=0), full_matrices=False)[2][0]
     return axis if axis[np.argmax(np.abs(axis))] > 0 else -axis
-
-
-def _folds(count: int, config: SplitSettings) -> int:
-    """Return the number of folds: as asked, or one where a single split tests enough."""
-    folds = config.folds
-    if folds is None:
-        enough = len(range(1, _block_size(count, config), _EVERY_THIRD)) >= LEAST_TARGETS
-        folds = 1 if enough else max(1, min(round(1 / config.test_share), count // _LEAST_FOLD))
-    if folds > count // 2:
-        raise InputError(
-            f"{count} views cannot be cut into grouping.folds = {folds}: each needs 2 for its test",
-            f"Set grouping.folds to at most {count // 2}, or leave it out.",
-        )
-    if config.fold >= folds:
-        raise InputError(
-            f"there is no grouping.fold {config.fold}: the scene has {folds}, counted from 0",
-            f"Set grouping.fold to at most {folds - 1}, or leave it out.",
-        )
-    return folds
-
-
-def _block_size(count: int, config: SplitSettings) -> int:
-    return min(max(2, round(config.test_share * count)), count - 2)
-
-
-def _blocks(
-    look_in_world: Float[np.ndarray, "n 2"], photo_id: Int[np.ndarray, " n"], folds: int, config: SplitSettings
-) -> list[Bool[np.ndarray, " n"]]:
-    """Return the blocks to choose from: both ends for a single split, else the one of the fold."""
-    along = look_in_world @ main_axis(look_in_world)
-    if folds > 1:
-        chosen = [np.array_split(np.lexsort((photo_id, along)), folds)[config.fold]]
-    else:
-        size = _block_size(len(along), config)
-        chosen = [np.lexsort((photo_id, -end * along))[:size] for end in (+1.0, -1.0)]
-    return [np.isin(np.arange(len(along)), block) for block in chosen]
 
 
 def _narrowing(

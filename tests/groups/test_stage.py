@@ -158,8 +158,8 @@ def test_no_room_for_a_gap_is_degraded(tmp_path: Path) -> None:
 
 def test_a_small_scene_says_that_it_has_folds_and_which_this_is(tmp_path: Path) -> None:
     _, outcome, _ = run_both(tmp_path, fly(18), k=4, fold=1)
-    assert outcome.metrics["folds"] == 3
-    assert "made in 3 folds" in outcome.notes[0] and "block 1 (from 0) in this one" in outcome.notes[0]
+    assert outcome.metrics["folds"] == 2
+    assert "made in 2 folds" in outcome.notes[0] and "block 1 (from 0) in this one" in outcome.notes[0]
 
 
 def test_a_test_of_one_photograph_is_degraded(tmp_path: Path) -> None:

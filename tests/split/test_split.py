@@ -14,7 +14,15 @@ from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.groups.audit import leak_shared_share
 from aug3d_core.groups.config import GroupingConfig
 from aug3d_core.run.errors import InputError
-from aug3d_core.split.split import Role, Split, main_axis, shared_share_with, split_views
+from aug3d_core.split.split import (
+    LEAST_TARGETS,
+    MOST_NARROWED,
+    Role,
+    Split,
+    main_axis,
+    shared_share_with,
+    split_views,
+)
 from tests.groups.strip_scene import fly, scene_of
 
 Flight = tuple[Views, Points, Tracks]
@@ -154,19 +162,56 @@ def test_three_views_are_too_few() -> None:
         split_of(first(fly(4), 3))
 
 
-@given(st.integers(4, 60))
-def test_a_scene_has_folds_where_one_split_would_test_fewer_than_three(count: int) -> None:
-    split = split_of(first(fly(60, points=600), count))
-    targets = len(range(1, max(2, round(0.27 * count)), 3))
-    if targets >= 3 or count < 10:
-        assert split.folds == 1
-    else:
-        assert 2 <= split.folds <= 4
+def all_folds(flight: Flight, **config: float) -> list[Split]:
+    one = split_of(flight, **config)
+    return [one, *(split_of(flight, **config, fold=fold) for fold in range(1, one.folds))]
+
+
+@settings(max_examples=30)
+@given(st.integers(5, 30), st.integers(0, 2**31))
+def test_a_test_has_enough_photographs_that_training_does_not_see(pairs: int, seed: int) -> None:
+    count = 2 * pairs
+    splits = all_folds(fly(count, points=600, seed=seed))
+    assert sum(len(split.views(Role.TARGET)) for split in splits) >= LEAST_TARGETS
+    assert len(splits) == (1 if len(range(1, round(0.27 * count), 3)) >= LEAST_TARGETS else 2)
+    for split in splits:
+        assert split.narrowed <= MOST_NARROWED
         assert len(split.views(Role.TARGET)) >= 2 and len(split.views(Role.SUPPORT)) >= 3
 
 
+def test_both_ends_are_tested_where_one_holds_few_photographs() -> None:
+    flight = first(fly(60, points=600), 24)
+    x = scene_of(*flight).look_in_world[:, 0]
+    blocks = [split.views(Role.SUPPORT, Role.TARGET) for split in all_folds(flight)]
+    order = np.argsort(x)
+    assert sorted(map(set, map(np.ndarray.tolist, blocks)), key=max) == sorted(
+        [set(order[:6].tolist()), set(order[-6:].tolist())], key=max
+    )
+
+
+def test_the_blocks_are_small_where_large_ones_would_be_seen() -> None:
+    """Eighteen photographs that overlap a lot: blocks of eight at both ends leave half a gap, blocks of five more."""
+    flight = fly(18, length_m=110.0, points=600)
+    asked = split_of(flight, test_share=0.44, folds=1)
+    splits = all_folds(flight, test_share=0.44)
+    assert asked.narrowed > MOST_NARROWED
+    assert [len(split.views(Role.SUPPORT, Role.TARGET)) for split in splits] == [5, 5]
+    assert max(split.narrowed for split in splits) <= MOST_NARROWED
+
+
+def test_without_a_sound_way_the_widest_gap_is_taken() -> None:
+    flight = fly(16, length_m=60.0, points=600)
+    narrowed = max(split.narrowed for split in all_folds(flight))
+    assert narrowed > MOST_NARROWED
+    assert narrowed <= max(split.narrowed for split in all_folds(flight, folds=4))
+
+
+def test_a_few_photographs_have_one_end() -> None:
+    assert split_of(first(fly(60, points=600), 9)).folds == 1
+
+
 @settings(max_examples=10)
-@given(st.integers(8, 40), st.integers(2, 4), st.integers(0, 2**31))
+@given(st.integers(8, 40), st.integers(3, 4), st.integers(0, 2**31))
 def test_folds_hold_out_every_view_once(count: int, folds: int, seed: int) -> None:
     flight = first(fly(40, points=600, seed=seed), count)
     splits = [split_of(flight, folds=folds, fold=fold) for fold in range(folds)]
