@@ -91,7 +91,8 @@ def preview(store: Store, photos: Path, model: str, out: Path | None, as_json: b
     console.print(f"\n{figures['photographs']} photographs have a pose", highlight=False)
     console.print(
         f"photographs predicted from others: {figures['preview_psnr']:.2f} dB,"
-        f" {figures['over_homography_db']:+.2f} dB against a homography over the ground",
+        f" {figures['over_best_cheap_db']:+.2f} dB [at least {figures['over_best_cheap_low_db']:+.2f}] over the better answer"
+        " without learning",
         highlight=False,
     )
     for what in ("sheet", "flight", "views"):

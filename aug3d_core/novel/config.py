@@ -28,7 +28,7 @@ class PreviewConfig(StageConfig):
     height_px: int = Field(default=192, ge=8, le=4096, multiple_of=4, description="Height of every view [px].")
     input_views: int = Field(default=4, ge=1, le=16, description="Photographs that a view is predicted from [views].")
     views: int = Field(
-        default=5,
+        default=8,
         ge=1,
         le=1000,
         description="Photographs that are predicted from the others, evenly along the flight [views].",

@@ -30,7 +30,7 @@ PREVIEW = Stage(
     runs=("training",),
     accuracy="preview_psnr",
     metrics=declared(
-        higher="preview_psnr over_homography_db flight_seen_share",
-        neither="head photographs cheap_homography",
+        higher="preview_psnr over_homography_db over_best_cheap_db over_best_cheap_low_db flight_seen_share",
+        neither="head photographs cheap_homography cheap_plane_sweep",
     ),
 )

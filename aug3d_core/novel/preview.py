@@ -1,6 +1,7 @@
 """The stage `preview`: photographs with poses + a trained model -> views and a flight, before anything else is made.
 
-The model may be of another place. How good it is here is measured: some photographs are predicted from the others.
+The model may be of another place. How good it is here is measured: some photographs are predicted from the others, and where
+that is not surely better than an answer without learning, the stage warns before anyone looks at a view.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from aug3d_core.judging import panels, video
 from aug3d_core.judging.cheap_answers import ground_homography
 from aug3d_core.judging.inputs import chosen_inputs
 from aug3d_core.judging.scores import psnr
+from aug3d_core.judging.summary import bootstrap
+from aug3d_core.judging.warped_answers import plane_sweep
 from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
 from aug3d_core.novel.outside import MARGIN_SHARE, OUTLIER_SHARE
@@ -33,7 +36,9 @@ from aug3d_core.novel.views import most_alike
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome, Progress
 
+CHEAP = {"homography": ground_homography, "plane sweep": plane_sweep}  # answers from the same inputs, without learning
 FRAMES_PER_SECOND = 8
+_RESAMPLES = 2000
 _ACROSS = (0.1, 0.9)  # quantiles of the cameras along their longest line, between which the flight goes
 _NEAR = 24  # photographs that look nearest to a view: of these its inputs are chosen
 
@@ -51,39 +56,73 @@ def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: 
     chosen = np.unique(np.linspace(0, len(scene) - 1, config.views + 2).round().astype(int)[1:-1])
     total = len(chosen) + config.frames
     (out / PREVIEW_VIEWS).mkdir(exist_ok=True)
-    rows, scores, cheap = [], [], []
+    rows, scores = [], []
     for done, target in enumerate(chosen):
         progress(done, total, "photographs from the others")
         given = inputs_of(scene, int(target), config.input_views)
-        view, plain = head.predict(scene, int(target), given), ground_homography(scene, int(target), given)
+        view = head.predict(scene, int(target), given)
+        answers = [view.colour, *(answer(scene, int(target), given) for answer in CHEAP.values())]
         truth = scene.images[target]
-        scores.append(psnr(truth, view.colour))
-        cheap.append(psnr(truth, plain))
+        scores.append([psnr(truth, answer) for answer in answers])
         name = f"photo_{scene.photo_id[target]:06d}.png"
         panels.save(view.colour, out / PREVIEW_VIEWS / name)
         rows.append(
             [
                 (f"photo {scene.photo_id[target]}", truth),
-                (f"prediction {scores[-1]:.1f} dB", view.colour),
+                (f"prediction {scores[-1][0]:.1f} dB", view.colour),
                 *_depth(view),
-                (f"homography {cheap[-1]:.1f} dB", plain),
+                *(
+                    (f"{name} {db:.1f} dB", answer)
+                    for name, db, answer in zip(CHEAP, scores[-1][1:], answers[1:], strict=True)
+                ),
             ]
         )
     panels.save(panels.grid(rows), out / PREVIEW_SHEET)
     seen = _fly(head, scene, config, out, lambda frame: progress(len(chosen) + frame, total, "flight"))
     progress(total, total, "done")
+    figures = foreseen(np.array(scores))
+    doubts = doubts_of(figures)
     return Outcome(
         metrics={
             "head": head.config.name,
             "photographs": len(scene),
-            "preview_psnr": round(float(np.mean(scores)), 3),
-            "cheap_homography": round(float(np.mean(cheap)), 3),
-            "over_homography_db": round(float(np.mean(scores) - np.mean(cheap)), 3),
+            **figures,
             "flight_seen_share": round(seen, 4),
         },
-        notes=("each of these photographs was predicted without itself; its neighbours were there",),
+        state="degraded" if doubts else "ok",
+        notes=("each of these photographs was predicted without itself; its neighbours were there", *doubts),
         pictures={"Photographs predicted from the others": PREVIEW_SHEET, "Flight": PREVIEW_FLIGHT},
     )
+
+
+def foreseen(scores: Float[np.ndarray, "t 3"]) -> dict[str, float]:
+    """Return what the scores [dB] of the model, the homography and the sweep say of views that no photograph shows.
+
+    The lead is over the better of the two, paired over photographs, with the lower end of its 95 % interval.
+    """
+    model, *cheap = scores.mean(axis=0)
+    lead = scores[:, 0] - scores[:, 1 + int(np.argmax(cheap))]
+    low, _ = bootstrap(lead, _RESAMPLES, np.random.default_rng(0))
+    figures = {
+        "preview_psnr": model,
+        "cheap_homography": cheap[0],
+        "cheap_plane_sweep": cheap[1],
+        "over_homography_db": model - cheap[0],
+        "over_best_cheap_db": lead.mean(),
+        "over_best_cheap_low_db": low,
+    }
+    return {name: round(float(value), 3) for name, value in figures.items()}
+
+
+def doubts_of(figures: Mapping[str, float]) -> list[str]:
+    """Warn where the model is not surely better than an answer without learning."""
+    if figures["over_best_cheap_low_db"] > 0:
+        return []
+    return [
+        f"the model may be no better here than an answer without learning ({figures['over_best_cheap_db']:+.2f} dB over the"
+        f" better one, at least {figures['over_best_cheap_low_db']:+.2f}): poses or photographs may be poor, or the place is"
+        " unlike those that it was trained on"
+    ]
 
 
 def inputs_of(scene: Scene, target: int, count: int) -> Int[np.ndarray, " v"]:

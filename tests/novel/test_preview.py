@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aug3d_core.dataset.projection import ground_points, shows
-from aug3d_core.novel.preview import across, inputs_of, usual_rotation
+from aug3d_core.novel.preview import across, doubts_of, foreseen, inputs_of, usual_rotation
 from tests.toy_scene import ALTITUDE_M, toy_scene
 
 
@@ -41,3 +41,24 @@ def test_inputs_are_other_photographs_that_see_the_view(scene):
 
 def test_fewer_photographs_than_asked_for_are_all_inputs(scene):
     assert len(inputs_of(scene, 2, 99)) <= 24
+
+
+def test_a_model_that_is_surely_better_is_not_doubted():
+    scores = np.array([[25.0, 21.0, 22.0], [24.0, 20.0, 22.5], [26.0, 22.0, 23.0], [23.0, 19.0, 20.0]])
+    figures = foreseen(scores)
+    assert figures["over_best_cheap_db"] == pytest.approx(2.625)
+    assert 0 < figures["over_best_cheap_low_db"] < figures["over_best_cheap_db"]
+    assert doubts_of(figures) == []
+
+
+def test_a_model_that_may_be_worse_is_doubted_with_its_figures():
+    """It is better on average, and below the sweep on half of the photographs."""
+    figures = foreseen(np.array([[25.0, 15.0, 20.0], [20.0, 15.0, 21.0], [24.0, 16.0, 21.0], [20.0, 15.0, 23.0]]))
+    assert figures["over_best_cheap_db"] > 0 >= figures["over_best_cheap_low_db"]
+    (doubt,) = doubts_of(figures)
+    assert f"{figures['over_best_cheap_db']:+.2f} dB" in doubt
+
+
+def test_the_lead_is_over_the_better_cheap_answer():
+    assert foreseen(np.array([[20.0, 19.0, 10.0]] * 3))["over_best_cheap_db"] == pytest.approx(1.0)
+    assert foreseen(np.array([[20.0, 10.0, 18.0]] * 3))["over_best_cheap_db"] == pytest.approx(2.0)
