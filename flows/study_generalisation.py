@@ -90,5 +90,7 @@ def print_findings(console: Console, found: GeneralisationFindings) -> None:
     console.print(table)
     for name, lead in found.against.items():
         console.print(f"{name}: {lead.text()} dB", markup=False, highlight=False)
+    for row in found.silent:
+        console.print(f"{row.scene}: never seen, no better than a cheap answer, and no warning", markup=False)
     for result in found.failed:
         console.print(f"{result.cell.name}: {result.failure}", markup=False, highlight=False)

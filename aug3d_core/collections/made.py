@@ -26,13 +26,15 @@ Maker = Callable[[str], Make]  # what the steps are of, in words -> how they are
 class Member:
     """A scene or town of a collection.
 
-    data: its data sets by name, one for each fold. made_up: it has no photographs. trouble: why it has no data set.
+    data: its data sets by name, one for each fold. made_up: it has no photographs. photos, poses: what the stages `photos`
+    and `sfm` made of a scene. trouble: why it has no data set.
     """
 
     role: str
     made_up: bool = False
     data: dict[str, Record] = field(default_factory=dict)
     photos: Record | None = None
+    poses: Record | None = None
     trouble: str = ""
     remedy: str = ""
 
@@ -138,6 +140,8 @@ def _scene(store: Store, name: str, role: str, scenes: Mapping[str, SceneEntry |
                 member.data[f"{name}{visit.step.name.removeprefix(DATASET.name)}"] = visit.record
             elif visit.record and visit.step.name == "photos":
                 member.photos = visit.record
+            elif visit.record and visit.step.name == "sfm":
+                member.poses = visit.record
     except Aug3dError as error:
         member.trouble, member.remedy = error.problem, error.remedy
     return member

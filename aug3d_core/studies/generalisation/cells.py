@@ -12,11 +12,12 @@ from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import MadeCollection
 from aug3d_core.factory.config import SceneConfig, overridden
 from aug3d_core.factory.material import Source, source_of
-from aug3d_core.factory.stages import EVALUATION, TRAINING
+from aug3d_core.factory.stages import EVALUATION, PREVIEW, TRAINING
 from aug3d_core.factory.walk import Make
 from aug3d_core.heads.config import config_of, title_of
 from aug3d_core.heads.files import MODEL_WEIGHTS
 from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import Cell, Result
@@ -45,9 +46,13 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Generalised(Result[LeftOut]):
-    """The result of a cell. views: the scores on the tests of all folds, None if there are none."""
+    """The result of a cell. views: the scores on the tests of all folds, None if there are none.
+
+    preview: what the model that never saw the scene shows of its photographs before any prediction.
+    """
 
     views: pd.DataFrame | None = None
+    preview: Record | None = None
 
     @property
     def paid(self) -> list[Record]:
@@ -91,7 +96,9 @@ def make_cell(
             trial = _trained(_started(config, str(weights)).model_copy(update=tuning), own, make)
     if trial.failure:
         return Generalised(cell, trial)
-    return _judged(store, cell, entry.config(), data, trial, make)
+    judged = _judged(store, cell, entry.config(), data, trial, make)
+    poses = made.members[arm.scene].poses
+    return judged if arm.way != "never seen" or poses is None else _previewed(store, judged, poses, make)
 
 
 def _judged(
@@ -108,6 +115,20 @@ def _judged(
         views = pd.read_parquet(store.files_dir(trial.records[EVALUATION.name]) / TEST_VIEWS)
         tables.append(views.assign(group=views["group"] + FOLD_GROUPS * fold))
     return Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
+
+
+def _previewed(store: Store, judged: Generalised, poses: Record, make: Make) -> Generalised:
+    """Ask the preview, which knows photographs and poses alone, what it says of the model here."""
+    if judged.failure:
+        return judged
+    sources = {
+        name: source_of(store, record) for name, record in (("sfm", poses), ("training", judged.records["training"]))
+    }
+    trial = tried(single(PREVIEW, PreviewConfig(frames=0), sources, make))
+    if trial.failure:
+        return Generalised(judged.cell, trial)
+    both = Trial({**judged.records, **trial.records})
+    return Generalised(judged.cell, both, judged.views, trial.records[PREVIEW.name])
 
 
 def _config(config: SceneConfig, head: str, preset: str, seed: int) -> TrainingConfig:

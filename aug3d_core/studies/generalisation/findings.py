@@ -33,7 +33,11 @@ class Lead:
 
 @dataclass(frozen=True)
 class Row:
-    """A scene in one way with one head: means over photographs and seeds. over: leads over the cheap answers."""
+    """A scene in one way with one head: means over photographs and seeds. over: leads over the cheap answers.
+
+    foreseen_db: of a model that never saw the scene, its lead [dB] over the better cheap answer on photographs that the
+    preview predicts from the others, the least of all seeds. warned: whether the preview warned, with every seed.
+    """
 
     scene: str
     way: str
@@ -45,6 +49,13 @@ class Row:
     flip: float
     cpu_seconds: float
     over: dict[str, Lead]
+    foreseen_db: float | None = None
+    warned: bool | None = None
+
+    @property
+    def silent(self) -> bool:
+        """Whether the model is no better than a cheap answer from the same inputs, and nothing said so."""
+        return self.warned is False and min(self.over[cheap].mean for cheap in FROM_INPUTS) <= 0
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,11 @@ class GeneralisationFindings:
         """The cells without figures."""
         return [result for result in self.results if result.failure]
 
+    @property
+    def silent(self) -> list[Row]:
+        """The models that failed where they were told to be good."""
+        return [row for row in self.rows if row.silent]
+
     def as_json(self) -> dict[str, Any]:
         """Return `study.json`."""
         return {
@@ -71,6 +87,7 @@ class GeneralisationFindings:
             "seeds": self.seeds,
             "machine": self.machine,
             "rows": [{**vars(row), "over": {name: vars(lead) for name, lead in row.over.items()}} for row in self.rows],
+            "silent": [f"{row.scene}, {title_of(row.head)}" for row in self.silent],
             "against": {name: vars(lead) for name, lead in self.against.items()},
             "cells": [{"name": result.cell.name, **result.as_json()} for result in self.results],
             "objects": [list(item) for item in named(record for result in self.results for record in result.used)],
@@ -113,7 +130,16 @@ def _row(scene: str, way: str, head: str, cells: list[Generalised]) -> Row:
         float(np.mean([table["flip"].mean() for table in tables])),
         float(np.mean([cell.cpu_seconds for cell in cells])),
         over,
+        *_foreseen(cells),
     )
+
+
+def _foreseen(cells: Sequence[Generalised]) -> tuple[float | None, bool | None]:
+    previews = [cell.preview for cell in cells if cell.preview is not None]
+    if not previews:
+        return None, None
+    leads = [float(record.metrics["over_best_cheap_db"] or 0) for record in previews]
+    return min(leads), all(record.state == "degraded" for record in previews)
 
 
 def _scores(cells: Sequence[Generalised], what: str) -> np.ndarray:

@@ -14,13 +14,27 @@ from aug3d_core.studies.common.publication import Publication, logged
 from aug3d_core.studies.generalisation.findings import CHEAP, GeneralisationFindings, Row, order, score_table
 
 QUESTION = "How good is a model on a place that it never saw?"
-HEADS = ("scene", "way", "head", "views", "PSNR [dB]", "inputs alone [dB]", "SSIM", "FLIP", "training [CPU]")
+HEADS = (
+    "scene",
+    "way",
+    "head",
+    "views",
+    "PSNR [dB]",
+    "inputs alone [dB]",
+    "SSIM",
+    "FLIP",
+    "training [CPU]",
+    "foreseen [dB]",
+)
 _METHOD = (
     "Each scene of the collection is left out in turn. never seen: trained on all other scenes and the towns. tuned: that"
     " model, trained on the scene for a tenth of the steps. alone: trained on the scene from random weights for all steps. All"
     " are judged on the scene's own test photographs, in every fold of a small scene, from the same inputs. Leads are paired"
     " over photographs and seeds, with 95 % intervals: over the homography and the sweep without learning from the inputs"
     " alone, over the mesh and the blend at its depth about the scaffold. The time of a tuned model is that of its tuning."
+    " foreseen: before any prediction the preview predicts photographs from the others, with a model that never saw the scene;"
+    " its lead over the better of homography and sweep. It warns where that lead may be none. A model that is then no better"
+    " on the test, without a warning, is a silent failure."
 )
 _MARKS = {"never seen": "o", "tuned": "^", "alone": "s"}
 
@@ -39,7 +53,12 @@ def publication(found: GeneralisationFindings) -> Publication:
         draw=partial(draw, found),
         facts={"collection": found.collection, "seeds": str(found.seeds), "runs": str(len(found.results))},
         chapters=lambda chart: {GAINS: _tables(found) + picture(chart, "Processor time of training against PSNR")},
-        after=notes((result.cell.name, result.failure) for result in found.failed),
+        after=notes(
+            [
+                *((result.cell.name, result.failure) for result in found.failed),
+                *((f"{row.scene}, {title_of(row.head)}", "silent failure") for row in found.silent),
+            ]
+        ),
         method=_METHOD,
         cost=f"{duration(seconds)} of processor time for training, on {found.machine}.",
         tags={"study": "generalisation"},
@@ -52,7 +71,8 @@ def publication(found: GeneralisationFindings) -> Publication:
 def cells(row: Row) -> list[str]:
     """Return a row of the table as text."""
     figures = [f"{row.psnr:.2f}", f"{row.alone_psnr:.2f}", f"{row.ssim:.3f}", f"{row.flip:.3f}"]
-    return [row.scene, row.way, title_of(row.head), str(row.views), *figures, duration(row.cpu_seconds)]
+    foreseen = "" if row.foreseen_db is None else f"{row.foreseen_db:+.2f}{' (warned)' if row.warned else ''}"
+    return [row.scene, row.way, title_of(row.head), str(row.views), *figures, duration(row.cpu_seconds), foreseen]
 
 
 def over(row: Row) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import make_cells
 from aug3d_core.studies.common.write import write_study
 from aug3d_core.studies.generalisation.cells import cells_of, make_cell
-from aug3d_core.studies.generalisation.findings import findings
+from aug3d_core.studies.generalisation.findings import Lead, findings
 from aug3d_core.studies.generalisation.page import publication
 from tests.collections.stand_in import Stages
 from tests.stand_in_stages import Made, write_test
@@ -38,6 +39,8 @@ class Learning(Stages):
         if stage.name == "evaluation":
             better = 1.0 if "file" in made["training"]["head"].get("start", "") else 0.0
             write_test(files, {1: 20.0 + better, 2: 22.0 + better, 3: 24.0 + better}, others=19.0)
+        if stage.name == "preview":
+            return {"over_best_cheap_db": 1.5}
         return super().figures(stage, made, files)
 
 
@@ -84,6 +87,18 @@ def test_ways_are_compared_photograph_by_photograph(studied):
     lead = found.against["north: plane sweep tuned over alone, about the scaffold"]
     assert (lead.mean, lead.low, lead.high) == pytest.approx((1.0, 1.0, 1.0))
     assert found.rows[0].over["plane_sweep"].mean == pytest.approx(3.0)
+
+
+def test_a_model_that_fails_without_a_warning_is_a_silent_failure(studied):
+    _, stages, results = studied
+    found = findings("all", 1, "a machine", results)
+    assert stages.given["preview"] == {"sfm", "training"}
+    foreseen = [row for row in found.rows if row.foreseen_db is not None]
+    assert {(row.way, row.foreseen_db, row.warned) for row in foreseen} == {("never seen", 1.5, False)}
+    assert len(foreseen) == 3 and found.silent == []
+    poor = replace(foreseen[0], over={**foreseen[0].over, "plane_sweep": Lead(-0.1, -0.5, 0.3)})
+    assert poor.silent and not replace(poor, warned=True).silent
+    assert replace(found, rows=[poor]).as_json()["silent"] == ["north, plane sweep"]
 
 
 def test_it_is_written_with_chart_and_page(studied):
