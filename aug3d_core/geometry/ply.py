@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from aug3d_core.run.regular_file import content
+
 _VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
 _FACE = np.dtype([("corners", "u1"), ("index", "<i4", 3)])
 
@@ -42,7 +44,7 @@ class Mesh:
     @classmethod
     def load(cls, path: Path) -> Mesh:
         """Read what `save` wrote; raises ValueError on any other layout and on a truncated file."""
-        data = path.read_bytes()
+        data = content(path)
         end = data.find(b"end_header\n") + len(b"end_header\n")
         counts = [int(line.split()[2]) for line in data[:end].splitlines() if line.startswith(b"element ")]
         if len(counts) != 2 or data[:end] != _header(*counts):

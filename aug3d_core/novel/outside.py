@@ -8,7 +8,6 @@ taken.
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from aug3d_core.poses.entry import Entry
 from aug3d_core.poses.nerfstudio import read_transforms
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import MOST_TEXT_BYTES, content, json_content
 
 OUTLIER_SHARE, MARGIN_SHARE = 0.005, 0.1  # of the slab, as the stage dataset measures it unless told otherwise
 
@@ -40,7 +40,7 @@ def photo_names(file: Path) -> pd.DataFrame:
 
 def photos_digest(file: Path) -> str:
     """Digest of the poses and of every photograph that they name; raises InputError if one is missing."""
-    digest = hashlib.sha256(file.read_bytes())
+    digest = hashlib.sha256(content(file, MOST_TEXT_BYTES))
     for entry in read_transforms(file):
         digest.update(file_digest(_photo(file, entry)).encode())
     return digest.hexdigest()
@@ -88,7 +88,7 @@ def outside_scene(file: Path, trained_on: Scene) -> Scene:
 
 
 def _ground(file: Path, otherwise: Slab) -> tuple[Slab, np.ndarray | None]:
-    cloud = json.loads(file.read_text()).get("ply_file_path")
+    cloud = json_content(file).get("ply_file_path")
     if cloud is None:
         return otherwise, None
     try:

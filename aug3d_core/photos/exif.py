@@ -139,6 +139,6 @@ def _text(value: Any) -> str:
 def _number(value: Any) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError):
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return math.nan
     return number if math.isfinite(number) else math.nan

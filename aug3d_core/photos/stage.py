@@ -12,7 +12,7 @@ from pathlib import Path
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
 from aug3d_core.photos.decisions import decisions
-from aug3d_core.photos.decode import Decoded, RejectedError, decode, shown
+from aug3d_core.photos.decode import Decoded, RejectedError, decode, decoding_budget, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
 from aug3d_core.photos.files import CONTACT_SHEET, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
 from aug3d_core.photos.redundant import drop_redundant
@@ -78,10 +78,12 @@ def _distinct(photos: list[Decoded], config: PhotosConfig) -> tuple[list[Decoded
 def _decode_all(
     folder: Path, found: Found, config: PhotosConfig, out: Path, progress: Progress
 ) -> tuple[list[Decoded], Rejected]:
+    budget = decoding_budget()
+
     def one(numbered: tuple[int, str]) -> Decoded | str:
         number, name = numbered
         try:
-            return decode(folder / name, name, out / PHOTO_IMAGES / f"checking-{number}.png", config)
+            return decode(folder / name, name, out / PHOTO_IMAGES / f"checking-{number}.png", config, budget)
         except RejectedError as error:
             return str(error)
 

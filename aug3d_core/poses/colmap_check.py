@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import content
 
 _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")  # id, model, width, height; then the parameters
@@ -29,7 +30,7 @@ def check_binary(folder: Path) -> None:
 
 
 def _check(file: Path, skip: Callable[[bytes, int], int]) -> None:
-    data = file.read_bytes()
+    data = content(file)
     at = _COUNT.size
     try:
         (count,) = _COUNT.unpack_from(data)

@@ -18,6 +18,7 @@ from aug3d_core.poses import recognise
 from aug3d_core.poses.entry import Entry
 from aug3d_core.poses.torch_files import read_pt
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import MOST_TEXT_BYTES, content
 
 COPIES = "rgbs"
 _REMEDY = "Copy the file again, or use files written by Mega-NeRF."
@@ -32,15 +33,15 @@ def read_mega_nerf(found: recognise.PoseFiles) -> list[Entry]:
 
 
 def _entry(number: int, file: Path, raw_names: dict[str, str], scale: float, origin: np.ndarray) -> Entry:
-    content, where = read_pt(file), str(file)
-    pose = _array(content, "c2w", where)
+    told, where = read_pt(file), str(file)
+    pose = _array(told, "c2w", where)
     if pose.shape not in ((3, 4), (4, 4)):
         raise InputError(f"{where}: c2w has shape {pose.shape}, not (3, 4)", _REMEDY)
     pose = checked_pose(pose[:3], where)
     pose[:, 3] = pose[:, 3] * scale + origin
-    width, height = (int(_one(content, key, where)) for key in ("W", "H"))
-    pinhole = _array(content, "intrinsics", where).ravel()
-    distortion = _array(content, "distortion", where).ravel() if "distortion" in content else np.zeros(4)
+    width, height = (int(_one(told, key, where)) for key in ("W", "H"))
+    pinhole = _array(told, "intrinsics", where).ravel()
+    distortion = _array(told, "distortion", where).ravel() if "distortion" in told else np.zeros(4)
     copy = checked_camera(Camera("PINHOLE", width, height, tuple(pinhole.tolist())), where)
     names = [(f"{file.parents[1].name}/{COPIES}/{file.stem}", copy)]
     if file.name in raw_names:
@@ -64,9 +65,9 @@ def _distorted(pinhole: Camera, distortion: np.ndarray, where: str) -> Camera:
 def _coordinates(file: Path) -> tuple[float, np.ndarray]:
     if not file.is_file():
         raise InputError(f"{file} is missing", "Copy the whole Mega-NeRF folder.")
-    content = read_pt(file)
-    scale = _one(content, "pose_scale_factor", str(file))
-    origin = _array(content, "origin_drb", str(file)).ravel()
+    told = read_pt(file)
+    scale = _one(told, "pose_scale_factor", str(file))
+    origin = _array(told, "origin_drb", str(file)).ravel()
     if not scale > 0 or len(origin) != 3:
         raise InputError(f"{file}: pose_scale_factor {scale:g} and {len(origin)} coordinates of origin_drb", _REMEDY)
     return scale, origin
@@ -77,7 +78,7 @@ def _mappings(file: Path) -> dict[str, str]:
     if not file.is_file():
         return {}
     found = {}
-    for number, line in enumerate(file.read_text().splitlines(), start=1):
+    for number, line in enumerate(content(file, MOST_TEXT_BYTES).decode(errors="replace").splitlines(), start=1):
         photo, comma, metadata = line.strip().rpartition(",")
         if line.strip() and not (comma and photo):
             raise InputError(f"{file}, line {number}: {line!r} is not `photograph,metadata.pt`", _REMEDY)

@@ -7,7 +7,6 @@ it is not undone.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 from aug3d_core.geometry.camera_models import Camera, cam_from_world, checked_camera, checked_pose
 from aug3d_core.poses.entry import Entry
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import json_content
 
 _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV_FISHEYE")
 
@@ -24,7 +24,7 @@ _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV_FISHEYE")
 def read_transforms(file: Path) -> list[Entry]:
     """Read every frame; raises InputError that names the file and the frame."""
     try:
-        whole = json.loads(file.read_text())
+        whole = json_content(file)
     except (ValueError, OSError) as error:
         raise InputError(f"{file} cannot be read as JSON: {error}", "Copy it again: it may be truncated.") from error
     frames = whole.get("frames") if isinstance(whole, dict) else None

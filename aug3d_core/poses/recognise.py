@@ -8,6 +8,7 @@ from pathlib import Path
 
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import opened
 
 COLMAP, NERFSTUDIO, MEGA_NERF = "colmap", "nerfstudio", "mega-nerf"
 DTU = "dtu"  # for export only
@@ -86,10 +87,10 @@ def _colmap(path: Path) -> PoseFiles | None:
 def _has_points(points: Path) -> bool:
     """Say whether there are points and it is known which images see them: look at the first."""
     if points.suffix == ".bin":
-        with points.open("rb") as file:
+        with opened(points) as file:
             head = file.read(_TRACK_LENGTH.stop)
         return any(head[:8]) and any(head[_TRACK_LENGTH])
-    with points.open("rb") as file:
+    with opened(points) as file:
         first = next((line for line in file if line.strip() and not line.startswith(b"#")), b"")
     return len(first.split()) > _POINT_FIELDS
 

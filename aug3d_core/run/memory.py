@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
@@ -18,3 +21,28 @@ def total_bytes(cgroup: Path = _CGROUP) -> int:
         told = path.read_text().strip() if path.is_file() else "max"
         total = min(total, int(told)) if told.isdigit() else total
     return total
+
+
+class MemoryBudget:
+    """Memory that threads share: each takes what it is about to use, and waits until that much is left."""
+
+    def __init__(self, total: int) -> None:
+        """Begin with `total` bytes, all of them free."""
+        self.total = total
+        self._free = total
+        self._changed = threading.Condition()
+
+    @contextmanager
+    def taking(self, needed: int) -> Iterator[None]:
+        """Hold so many bytes; raises ValueError for more than the whole budget."""
+        if needed > self.total:
+            raise ValueError(f"{needed} bytes are more than the budget of {self.total}")
+        with self._changed:
+            self._changed.wait_for(lambda: self._free >= needed)
+            self._free -= needed
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._free += needed
+                self._changed.notify_all()

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 
 import yaml
 
+_PLAIN = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "map", "seq")}
+_LONGEST_NUMBER = 300  # digits; more do not fit into a float
 Place = tuple[str, ...]  # of a value: the keys that lead to it
 _HINTS = {
     "'\\t'": "indent with spaces, not with tabs",
@@ -84,6 +86,10 @@ def _places(node: yaml.Node, place: Place) -> Iterator[tuple[Place, int]]:
         if id(node) in seen:
             raise Mistake(_line(node.start_mark), "a reference (& and *) cannot be followed here: write the value out")
         seen.add(id(node))
+        if node.tag not in _PLAIN:
+            raise Mistake(_line(node.start_mark), f"the tag {node.tag} makes no plain value: leave it out")
+        if node.tag.endswith(":int") and len(node.value) > _LONGEST_NUMBER:
+            raise Mistake(_line(node.start_mark), f"a number of {len(node.value)} characters is too large")
         parts: list[tuple[str, yaml.Node, yaml.Node]] = []
         if isinstance(node, yaml.MappingNode):
             parts = [(str(key.value), key, value) for key, value in node.value]

@@ -12,11 +12,13 @@ from typing import Generic, TypeVar
 
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import Aug3dError, InputError, UsageError
+from aug3d_core.run.regular_file import content
 from aug3d_core.store import layout
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.store import Store
 
 _PATIENCE_S = 10.0
+_MOST_BYTES = 2**20  # of a file that people write
 EntryT = TypeVar("EntryT")
 
 
@@ -84,7 +86,7 @@ class Registry(Generic[EntryT]):
         """Return what a file says."""
         try:
             check_scene_name(file.stem)
-            return self.checked(file, file.read_bytes())
+            return self.checked(file, content(file, _MOST_BYTES))
         except UsageError as error:
             raise InputError(f"{file}: {error.problem}", f"give the file another name: {error.remedy}") from error
         except OSError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ from PIL import ExifTags, Image, ImageFilter
 from aug3d_core.photos import decode as module
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.decode import RejectedError, decode, measure_sharpness
+from aug3d_core.run.memory import MemoryBudget
 from tests.photos.photo_files import pixels, write_photo
 
 
 def decoded(path: Path, tmp_path: Path, **config: int) -> module.Decoded:
-    return decode(path, path.name, tmp_path / "copy.png", PhotosConfig(**config))
+    return decode(path, path.name, tmp_path / "copy.png", PhotosConfig(**config), MemoryBudget(2**30))
 
 
 def test_small_photographs_keep_their_pixels(tmp_path: Path) -> None:
@@ -99,6 +101,37 @@ def test_a_decompression_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     path = write_photo(tmp_path / "a.png")
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
     with pytest.raises(RejectedError, match="too large"):
+        decoded(path, tmp_path)
+
+
+def test_what_takes_more_memory_than_may_be_used_is_not_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The header says so; a JPEG decodes at a fraction of its size and takes less."""
+    monkeypatch.setattr(module, "_rgb", lambda image: pytest.fail("it was decoded"))
+    path = write_photo(tmp_path / "a.png", size=(1000, 800))
+    with pytest.raises(RejectedError, match=r"too large: 1000x800 px take 0\.0 GiB to decode; a quarter of the memory"):
+        decode(path, path.name, tmp_path / "copy.png", PhotosConfig(), MemoryBudget(9_000_000))
+    monkeypatch.undo()
+    path = write_photo(tmp_path / "a.jpg", size=(1000, 800))
+    assert decode(path, path.name, tmp_path / "copy.png", PhotosConfig(max_px=200), MemoryBudget(9_000_000)).size == (
+        200,
+        160,
+    )
+
+
+def test_sixteen_bits_are_the_same_in_strips(tmp_path: Path) -> None:
+    grey = np.random.default_rng(0).integers(0, 65536, (701, 331)).astype(np.uint16)
+    Image.fromarray(grey).save(tmp_path / "a.png")
+    copy = np.asarray(Image.open(decoded(tmp_path / "a.png", tmp_path).copy))
+    np.testing.assert_array_equal(copy[..., 0], grey // 257)
+
+
+@pytest.mark.parametrize("name", ["pipe.jpg", "device.png"])
+def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    os.mkfifo(path) if name == "pipe.jpg" else path.symlink_to("/dev/zero")
+    with pytest.raises(RejectedError, match="unreadable: it is no file but a pipe, a socket or a device"):
         decoded(path, tmp_path)
 
 

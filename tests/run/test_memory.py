@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
 import pytest
 
-from aug3d_core.run.memory import total_bytes
+from aug3d_core.run.memory import MemoryBudget, total_bytes
 
 MACHINE = psutil.virtual_memory().total
 
@@ -29,3 +32,30 @@ def test_a_limit_counts_where_it_is_less(file: str, told: str, expected: int, tm
 
 def test_without_a_limit_it_is_the_machines(tmp_path: Path) -> None:
     assert total_bytes(tmp_path) == MACHINE
+
+
+def test_threads_never_hold_more_than_the_budget() -> None:
+    budget, held, most = MemoryBudget(10), 0, 0
+    guard = threading.Lock()
+
+    def work(needed: int) -> None:
+        nonlocal held, most
+        with budget.taking(needed):
+            with guard:
+                held += needed
+                most = max(most, held)
+            time.sleep(0.002)
+            with guard:
+                held -= needed
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(work, [3, 4, 5, 10, 1, 7] * 8))
+    assert 7 <= most <= 10
+
+
+def test_more_than_the_whole_budget_is_refused_and_takes_nothing() -> None:
+    budget = MemoryBudget(10)
+    with pytest.raises(ValueError, match="11 bytes are more"), budget.taking(11):
+        pass
+    with budget.taking(10):
+        pass

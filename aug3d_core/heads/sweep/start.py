@@ -12,6 +12,7 @@ from aug3d_core.heads.files import MODEL_WEIGHTS
 from aug3d_core.heads.sweep.config import SHIPPED, SHIPPED_DIGEST, TOWNS
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import opened
 
 _OTHERWISE = "set training.head.start=random, or name the model.safetensors of a sweep with the same settings"
 
@@ -27,6 +28,7 @@ def load_first_weights(head: nn.Module, start: str) -> None:
 
 def _read(file: Path) -> dict[str, Tensor]:
     try:
+        opened(file).close()
         return load_file(file)
     except FileNotFoundError as error:
         raise InputError(f"training.head.start: there is no file {file}", _OTHERWISE) from error
