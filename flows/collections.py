@@ -203,15 +203,21 @@ def export(
     name: Name,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
     form: Annotated[
-        str, typer.Option("--format", help="chunks: pixelSplat, MVSplat, DepthSplat; wai: map-anything.")
+        str,
+        typer.Option(
+            "--format", help="chunks: pixelSplat, MVSplat, DepthSplat; wai: map-anything; nerfstudio; colmap."
+        ),
     ] = "chunks",
+    size: Annotated[
+        tuple[int, int] | None,
+        typer.Option(min=8, metavar="WIDTH HEIGHT", help="Size of the views [px]; without it, as they are packed."),
+    ] = None,
     home: Home = HOME,
     as_json: AsJson = False,
 ) -> None:
-    """Write the data sets of a trained collection for other feed-forward models: what is trained on, and every test.
+    """Write the data sets of a trained collection for other models: what is trained on, and every test.
 
-    Views have the size that their scenes are packed at: set dataset.width_px and dataset.height_px of the scenes to what a
-    loader wants.
+    Views are cropped around their centre and shrunk to --size; they never grow.
     """
     with typed_errors(as_json):
         from aug3d_core.dataset.files import SCENE_ZARR
@@ -237,7 +243,7 @@ def export(
                     # Of a scene in folds the first is trained on; the others show its test
                     trained = told["role"] != "hold out" and data == next(iter(told["data"]))
                     scenes.append((data, read(store.files_dir(record) / SCENE_ZARR, cache), trained))
-            counts = export_packed(scenes, form, folder)
+            counts = export_packed(scenes, form, folder, size)
         if as_json:
             print(json.dumps({"folder": str(folder), "format": form, "sequences": counts}))
         else:

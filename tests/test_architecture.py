@@ -24,7 +24,7 @@ DOORS = {
         "aug3d_core/judging",
         "aug3d_core/novel",
         "aug3d_core/poses/torch_files.py",
-        "aug3d_core/export/packed.py",
+        "aug3d_core/export/chunks.py",
         "aug3d_core/domes/methods/sam_worker.py",
     },
     "transformers": {"aug3d_core/domes/methods/sam_worker.py"},

@@ -10,10 +10,13 @@ import OpenEXR
 import pytest
 import torch
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
+from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.projection import ground_points, project
 from aug3d_core.dataset.scene import SPLITS
-from aug3d_core.export.packed import CHUNKS, EVALUATION_INDEX, WAI, export_packed
+from aug3d_core.export.packed import CHUNKS, EVALUATION_INDEX, PACKED_FORMATS, WAI, export_packed
+from aug3d_core.poses.nerfstudio import read_transforms
 from aug3d_core.run.errors import UsageError
 from tests.toy_scene import toy_scene
 
@@ -97,6 +100,82 @@ def test_wai_keeps_poses_depth_and_masks(scenes, tmp_path):
             assert np.array_equal(np.asarray(image), scene.images[view])
         with OpenEXR.File(str(folder / frame["depth"])) as file:
             assert np.allclose(file.channels()["Y"].pixels, scene.depth[view], rtol=1e-3)
+
+
+def read_back(form, folder):
+    """Return (width, height), intrinsics and cam_from_world of every view. What pycolmap reads is tested for scenes."""
+    if form == "nerfstudio":
+        entries = read_transforms(folder / "transforms.json")
+        cameras = [entry.names[0][1] for entry in entries]
+        return [
+            ((camera.width, camera.height), camera.params[:4], entry.cam_from_world)
+            for camera, entry in zip(cameras, entries, strict=True)
+        ]
+    lines = {
+        name: [
+            line.split() for line in (folder / "sparse/0" / name).read_text().splitlines() if line and line[0] != "#"
+        ]
+        for name in ("cameras.txt", "images.txt", "points3D.txt")
+    }
+    assert lines["points3D.txt"] == []
+    cameras = {number: ((int(w), int(h)), tuple(map(float, rest))) for number, _, w, h, *rest in lines["cameras.txt"]}
+    found = []
+    for _, w, x, y, z, *shift, camera, name in lines["images.txt"]:
+        assert (folder / "images" / name).is_file()
+        turn = Rotation.from_quat([float(v) for v in (x, y, z, w)]).as_matrix()
+        found.append((*cameras[camera], np.column_stack([turn, [float(v) for v in shift]])))
+    return found
+
+
+@pytest.mark.parametrize("size", [None, (32, 36), (24, 18)])
+@pytest.mark.parametrize("form", ["nerfstudio", "colmap"])
+def test_points_are_where_the_cameras_of_a_folder_say(scenes, tmp_path, form, size):
+    export_packed(scenes[:1], form, tmp_path / "out", size)
+    scene, folder = scenes[0][1], tmp_path / "out" / "train" / "near-dome-00000"
+    rows = np.flatnonzero(scene.dome_id == 0)
+    points, reached = ground_points(scene, int(rows[0]))
+    points = np.column_stack([points[reached][::50], np.ones(len(points[reached][::50]))])
+    crop = fit(48, 36, *(size or (48, 36)))
+    for ((width, height), (fx, fy, cx, cy), pose), view in zip(read_back(form, folder), rows, strict=True):
+        assert (width, height) == (size or (48, 36))
+        in_cam = points @ pose.T
+        there = in_cam[:, :2] / in_cam[:, 2:] * [fx, fy] + [cx, cy]
+        packed, ahead = project(scene, int(view), points[:, :3])
+        left, top, right, bottom = crop.crop
+        wanted = (packed - [left, top]) * [width / (right - left), height / (bottom - top)]
+        assert np.allclose(there[ahead], wanted, atol=1e-3)
+    with Image.open(folder / "images" / "000000.png") as image:
+        assert np.array_equal(
+            np.asarray(image),
+            crop.covered(scene.images[rows[0]], scene.alpha[rows[0]], scene.depth[rows[0]].astype(np.float32))[0],
+        )
+
+
+def test_nerfstudio_s_depth_is_that_of_the_data_set(scenes, tmp_path):
+    export_packed(scenes[:1], "nerfstudio", tmp_path / "out")
+    scene, folder = scenes[0][1], tmp_path / "out" / "train" / "near-dome-00000"
+    told = json.loads((folder / "transforms.json").read_text())
+    unit = told["depth_unit_scale_factor"]
+    for frame, view in zip(told["frames"], np.flatnonzero(scene.dome_id == 0), strict=True):
+        with Image.open(folder / frame["depth_file_path"]) as image:
+            whole = np.asarray(image)
+        assert whole.dtype == np.uint16
+        assert np.allclose(whole * unit, scene.depth[view], atol=unit)
+
+
+@pytest.mark.parametrize("form", PACKED_FORMATS)
+def test_every_format_has_the_size_that_is_asked_for_and_never_grows(scenes, tmp_path, form):
+    counts = export_packed(scenes[:1], form, tmp_path / "out", (24, 18))
+    assert counts["train"] == 5
+    if form == CHUNKS:
+        first = io.BytesIO(examples(tmp_path / "out", "train")["near"]["images"][0].numpy().tobytes())
+    else:
+        first = tmp_path / "out" / "train" / "near" / "images" / "000000.png"
+    with Image.open(first) as image:
+        assert image.size == (24, 18)
+    with pytest.raises(UsageError, match="views of 49x18 px are larger than those of near, 48x36"):
+        export_packed(scenes[:1], form, tmp_path / "larger", (49, 18))
+    assert not (tmp_path / "larger").exists()
 
 
 def test_a_folder_in_use_and_an_unknown_format_are_refused(scenes, tmp_path):

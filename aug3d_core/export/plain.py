@@ -1,0 +1,66 @@
+"""The layouts of nerfstudio and COLMAP: a folder for each sequence, which most tools for one scene read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aug3d_core.export.colmap_text import write_model
+from aug3d_core.export.taken import DEPTH, IMAGES, Taken
+from aug3d_core.geometry.camera_models import world_from_gl
+from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.poses.recognise import TRANSFORMS
+
+_MILLI = 1000.0  # nerfstudio reads depth as 16 bit whole numbers, and multiplies by depth_unit_scale_factor = 0.001
+_MOST = 65_535
+
+
+def write_nerfstudio(taken: Sequence[Taken], folder: Path) -> None:
+    """Write the sequences of one part; depth in thousandths of a world unit, or coarser where it would not fit."""
+    for one in taken:
+        own = folder / one.key
+        poses = homogeneous(world_from_gl(invert(one.scene.world_from_cam[one.rows][:, :3])))
+        deepest = float(np.asarray(one.scene.depth[one.rows], np.float32).max())
+        unit = max(_MILLI**-1, deepest / _MOST)
+        frames = []
+        for name, view, pose in zip(one.write_images(own), one.rows.tolist(), poses, strict=True):
+            fl_x, fl_y, cx, cy = one.intrinsics(view).tolist()
+            frame = {
+                "file_path": name,
+                "transform_matrix": pose.tolist(),
+                "fl_x": fl_x,
+                "fl_y": fl_y,
+                "cx": cx,
+                "cy": cy,
+            }
+            if deepest > 0:
+                frame["depth_file_path"] = f"{DEPTH}/{Path(name).name}"
+                (own / DEPTH).mkdir(exist_ok=True)
+                whole = np.rint(one.depth(view) / unit).astype(np.uint16)
+                Image.fromarray(whole).save(own / frame["depth_file_path"])
+            frames.append(frame)
+        size = {"w": one.fit.width_px, "h": one.fit.height_px}
+        scale = {"depth_unit_scale_factor": unit} if deepest > 0 else {}
+        told = {"camera_model": "OPENCV", **size, **scale, "frames": frames}
+        (own / TRANSFORMS).write_text(json.dumps(told, indent=1))
+
+
+def write_colmap(taken: Sequence[Taken], folder: Path) -> None:
+    """Write the sequences of one part: cameras and poses, without points."""
+    none = np.zeros(0, int)
+    for one in taken:
+        own, count = folder / one.key, len(one.rows)
+        names = [Path(name).relative_to(IMAGES).as_posix() for name in one.write_images(own)]
+        views = Views(
+            np.arange(count),
+            invert(one.scene.world_from_cam[one.rows][:, :3]),
+            np.stack([one.intrinsics(int(view)) for view in one.rows]),
+            np.tile([one.fit.width_px, one.fit.height_px], (count, 1)),
+        )
+        points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
+        write_model(views, points, Tracks(none, none, np.zeros((0, 2))), names, own / "sparse" / "0")
