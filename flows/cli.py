@@ -40,8 +40,9 @@ from flows.study import study
 from flows.study_generalisation import study_generalisation
 from flows.study_stability import study_stability
 from flows.study_tradeoff import study_tradeoff
-from flows.summary import print_summary, program
+from flows.summary import print_summary, program, tell_of_damage
 from flows.up import up
+from flows.verify import verify
 
 app = typer.Typer(
     name="aug3d",
@@ -109,7 +110,9 @@ def show(
 ) -> None:
     """Show what exists of a scene, what it cost, how good it is, and where the report is."""
     with typed_errors(as_json):
-        metrics = last_version(Store(home), scene)
+        store = Store(home)
+        tell_of_damage(store, scene)
+        metrics = last_version(store, scene)
         if as_json:
             print(json.dumps(metrics, indent=1))
         else:
@@ -176,6 +179,7 @@ def _run(
     check_servers()
     apply_local_environment(store.root)
     console = Console(stderr=as_json)
+    tell_of_damage(store, scene)
     with store.using():
         # A run that does not fit is refused before a server starts.
         plan = checked_plan(store, scene, material, config, records_before(store, scene))
@@ -255,6 +259,7 @@ app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(gc)
+app.command()(verify)
 app.add_typer(scenes, name="scenes")
 app.add_typer(collections, name="collections")
 study.command("tradeoff")(study_tradeoff)

@@ -24,11 +24,11 @@ from aug3d_core.collections.versions import (
     published,
     version_metrics,
     versions,
-    write_metrics,
 )
 from aug3d_core.scene_files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
+from aug3d_core.store.scenes import write_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import named
 from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED

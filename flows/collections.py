@@ -278,7 +278,7 @@ def towns(
                 made.append(
                     {
                         "town": name,
-                        "files": str(store.files_dir(record)),
+                        "files": str(store.place(record)),
                         "cached": built.cached,
                         "seconds": record.seconds,
                         **record.metrics,

@@ -22,13 +22,12 @@ from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store import layout
 from aug3d_core.store.changes import why_made
 from aug3d_core.store.code_version import code_version
-from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import (
     new_version,
+    published_metrics,
     records_before,
     records_of,
-    version_metrics,
     version_paths,
     write_metrics,
 )
@@ -87,11 +86,11 @@ def make_version(
 
 def beside_published(store: Store, metrics: Mapping[str, Any], records: Mapping[str, Record]) -> Comparison | None:
     """Compare a version with the published one of its scene, the first of the two; None if none is published."""
-    last = published(store, metrics["scene"])
-    if last is None:
+    then = published_metrics(store, metrics["scene"])
+    if then is None:
         return None
-    then = version_metrics(last)
-    return compare([side(last.name, then, records_of(store, then)), side("this version", metrics, records)])
+    name = Path(then["paths"]["metrics"]).parent.name
+    return compare([side(name, then, records_of(store, then)), side("this version", metrics, records)])
 
 
 def _conclude(
@@ -109,7 +108,9 @@ def _conclude(
     metrics = scene_metrics(scene, preset, code_version(), seconds, files, cached, error)
     for m in made:
         why = why_made(store, m.step.stage, m.record, before.get(m.step.name))
-        metrics["stages"][m.step.name]["why"] = list(why)
+        told = metrics["stages"][m.step.name]
+        told["why"] = [*why, *_damage(m)]
+        told["notes"] = [*told["notes"], *_damage(m)]
     version = new_version(store, scene)
     records = {m.step.name: m.record for m in made}
     metrics["needs"] = needs_of(files, {m.step.name: m.decisions for m in made})
@@ -120,6 +121,10 @@ def _conclude(
     metrics["mlflow"] = asdict(log_run(store.root, version))
     artifacts.publish_links(metrics)
     return metrics
+
+
+def _damage(visit: Visit) -> list[str]:
+    return [f"damaged in the store: {visit.built.damage}"] if visit.built and visit.built.damage else []
 
 
 def _flow_run() -> dict[str, str]:

@@ -14,9 +14,17 @@ from rich.table import Table
 from aug3d_core.factory.config import AUTO
 from aug3d_core.factory.plan import stage_of
 from aug3d_core.heads.config import title_of
+from aug3d_core.store.scenes import damaged_versions
+from aug3d_core.store.store import Store
 from flows.display import figure
 
 _WIDTH = 120
+
+
+def tell_of_damage(store: Store, scene: str) -> None:
+    """Say which versions of a scene count as absent, on stderr: their `metrics.json` is not what was written."""
+    for note in damaged_versions(store, scene):
+        Console(stderr=True).print(f"[yellow]note[/] {escape(note)}", highlight=False, soft_wrap=True)
 
 
 def print_summary(console: Console, metrics: dict[str, Any]) -> None:

@@ -38,7 +38,7 @@ def publish(store: Store, made: Visit) -> None:
         {"what": "cached", "value": made.cached},
         {"what": "seconds", "value": record.seconds},
         {"what": "peak_mib", "value": record.peak_mib},
-        {"what": "folder", "value": str(store.files_dir(record))},
+        {"what": "folder", "value": str(store.place(record))},
         *({"what": name, "value": value} for name, value in record.metrics.items()),
     ]
     accuracy = made.step.stage.accuracy
@@ -49,7 +49,7 @@ def publish(store: Store, made: Visit) -> None:
     # Films are in the report and in MLflow: an artifact's Markdown cannot play them
     if stills := {caption: path for caption, path in record.pictures.items() if not is_film(path)}:
         sections = [
-            f"### {caption}\n\n![{caption}]({_embedded(store.files_dir(record) / path)})"
+            f"### {caption}\n\n![{caption}]({_embedded(store.files_dir(record, [path]) / path)})"
             for caption, path in stills.items()
         ]
         create_markdown_artifact(

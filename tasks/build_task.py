@@ -27,9 +27,9 @@ async def _worth_a_retry(_task: Any, _run: TaskRun, state: State) -> bool:
 
 # The store decides whether work has to be done, under the lock of the object: Prefect's own cache would be a second one.
 @task(cache_policy=NO_CACHE, retries=1, retry_condition_fn=_worth_a_retry, task_run_name="{step}")
-def build_object(work: Work, home: str, step: str, found: Built | None = None) -> State[Built]:
-    """Build an object in a process of its own, unless it is found; raises StageFailed. step: its name in the run."""
-    built = found or build(Store(Path(home)), work, progress.reporter(step))
+def build_object(work: Work, home: str, step: str) -> State[Built]:
+    """Build an object in a process of its own, unless the store has it; raises StageFailed. step: its name in the run."""
+    built = build(Store(Path(home)), work, progress.reporter(step))
     return Completed(name=CACHED if built.cached else None, data=built)
 
 
@@ -43,7 +43,7 @@ def through_prefect(store: Store, of: str = "") -> Make:
         assert visit.work
         name = f"{of} {visit.step.name}".strip()
         progress.started(name)
-        state = build_object(visit.work, str(store.root), name, visit.built, return_state=True)
+        state = build_object(visit.work, str(store.root), name, return_state=True)
         return state.result()
 
     return make

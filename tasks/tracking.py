@@ -15,6 +15,7 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 from sqlalchemy.exc import SQLAlchemyError
 
+from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import masked, mlflow_address, records_of, version_metrics
 from aug3d_core.store.store import Store
@@ -105,6 +106,9 @@ def _flush(store: Store, client: MlflowClient, flushed: Flushed) -> None:
     for file, entry in waiting(store):
         try:
             run = _send(store, client, entry)
+        except StoreError as error:  # a file of it is damaged: it is made again by the next run
+            flushed.waiting = f"version {entry.version} of scene {entry.scene} cannot be logged: {error.problem}"
+            continue
         except TROUBLE as error:
             client.search_experiments(max_results=1)  # raises if the trouble is not of this version alone
             flushed.waiting = f"MLflow refuses version {entry.version} of scene {entry.scene}: {said(error)}"

@@ -116,11 +116,11 @@ def _log_batches(client: MlflowClient, run_id: str, params: Mapping[str, Any], m
 
 def _log_pictures(client: MlflowClient, run_id: str, store: Store, record: Record, folder: str | None = None) -> None:
     for path in record.pictures.values():
-        client.log_artifact(run_id, str(store.files_dir(record) / path), artifact_path=folder)
+        client.log_artifact(run_id, str(store.files_dir(record, [path]) / path), artifact_path=folder)
 
 
 def _data_set(store: Store, scene: str, record: Record) -> DatasetInput:
-    source = json.dumps({"uri": str(store.files_dir(record) / SCENE_ZARR)})
+    source = json.dumps({"uri": str(store.place(record) / SCENE_ZARR)})
     profile = json.dumps({"digest": record.digest, **numbers(record.metrics)})
     data = Dataset(scene, record.digest[:_DIGEST], "local", source, profile=profile)
     return DatasetInput(data, [InputTag(MLFLOW_DATASET_CONTEXT, "training")])

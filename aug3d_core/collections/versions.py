@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,8 @@ from aug3d_core.store import layout
 from aug3d_core.store.published import RULES
 from aug3d_core.store.record import Record
 from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.scenes import metrics_fault, version_metrics
+from aug3d_core.store.seal import sealed, unsealed
 from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
 from aug3d_core.store.usage import named
@@ -29,17 +30,7 @@ def new_version(store: Store, name: str) -> Path:
 def versions(store: Store, name: str) -> list[Path]:
     """Return the folders of the versions that count, oldest first."""
     folder = store.root / layout.COLLECTIONS / check_scene_name(name)
-    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}"))
-
-
-def version_metrics(version: Path) -> dict[str, Any]:
-    """Return the `metrics.json` of a version."""
-    return json.loads((version / layout.METRICS).read_bytes())
-
-
-def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
-    """Write a version's `metrics.json`; it counts from this moment."""
-    write_synced(version / layout.METRICS, json.dumps(metrics, indent=1).encode())
+    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
 
 
 def collection_metrics(name: str, made: MadeCollection, notes: list[str], code: str, seconds: float) -> dict[str, Any]:
@@ -105,7 +96,7 @@ def published(store: Store, name: str) -> Path | None:
     """Return the folder of the published version; None if there is none. Raises StoreError if it is named and gone."""
     pointer = _pointer(store, name)
     try:
-        version = pointer.parent / Path(str(json.loads(pointer.read_bytes())["version"])).name
+        version = pointer.parent / Path(str(unsealed(pointer.read_bytes())["version"])).name
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
@@ -117,7 +108,7 @@ def published(store: Store, name: str) -> Path | None:
 
 def publish(store: Store, name: str, version: Path) -> None:
     """Name a version as the one to use."""
-    write_synced(_pointer(store, name), json.dumps({"version": version.name}).encode())
+    write_synced(_pointer(store, name), sealed({"version": version.name}))
 
 
 def model_of(store: Store, name: str) -> Record:

@@ -18,6 +18,7 @@ from aug3d_core.run.stage import Outcome, Progress, Stage, StageConfig
 from aug3d_core.run.stage_main import Job
 from aug3d_core.store.keys import engine_versions, object_key, recipe_of
 from aug3d_core.store.record import Record
+from aug3d_core.store.seal import sealed
 from aug3d_core.store.store import Store
 
 _MOST_EARLIER = 8  # outputs of a stage's recipe that it may look at for work to reuse
@@ -45,10 +46,11 @@ class Work:
 
 @dataclass(frozen=True)
 class Built:
-    """An object's record, and whether it was in the store already."""
+    """An object's record, and whether it was in the store already. damage: what was wrong with it there, "" if nothing."""
 
     record: Record
     cached: bool
+    damage: str = ""
 
 
 def work_of(stage: Stage, config: StageConfig, sources: Mapping[str, Source]) -> Work:
@@ -63,19 +65,37 @@ def _code_run(stage: Stage, sources: Mapping[str, Source]) -> list[str]:
 
 
 def build(store: Store, work: Work, progress: Progress) -> Built:
-    """Return the object, computed unless the store has it; raises StageFailed.
+    """Return the object, computed unless the store has it whole; raises StageFailed.
+
+    Every file of an object in the store is compared with its digest, the first time in a process: what is damaged is put
+    aside and made again.
 
     A second caller waits for the lock and then finds the object. `progress` is called from another thread: an error or a
-    delay in it does not affect the work.
+    delay in it does not affect the work. Raises DamagedError if an input in the store is not what was written.
     """
     stage = work.stage
     with store.lock(stage.name, work.key):
-        record = store.find(stage.name, work.key)
-        if record is not None:
+        record, damage = store.take(stage.name, work.key)
+        if record is not None and not damage:
             return Built(record, cached=True)
-        store.drop_broken(stage.name, work.key)
+        _check_inputs(store, work)
         with on_the_side(progress) as report, store.turn(stage.name, report) if stage.alone else nullcontext():
-            return Built(_compute(store, work, report), cached=False)
+            made = _compute(store, work, report)
+    return Built(made, cached=False, damage=damage and f"{damage}: {_made_again(record, made)}")
+
+
+def _made_again(before: Record | None, now: Record) -> str:
+    if before is None:
+        return "it was made again"
+    if before.digest == now.digest:
+        return "it was made again, byte for byte the same"
+    return "it was made again with other bytes, and so is what follows from it"
+
+
+def _check_inputs(store: Store, work: Work) -> None:
+    for source in work.sources.values():
+        if source.made is not None:
+            store.check(source.made, source.reads)
 
 
 def _compute(store: Store, work: Work, progress: Progress) -> Record:
@@ -125,7 +145,7 @@ def _prepare(store: Store, work: Work, folder: Path) -> Job:
         inputs[EARLIER] = _link_earlier(store.made_by(work.stage.name, work.recipe, _MOST_EARLIER), folder)
     config = work.config.model_dump(mode="json")
     job = Job(stage=work.stage.name, entry=work.stage.entry, config=config, inputs=inputs)
-    write_synced(folder / JOB, job.model_dump_json(indent=1).encode())
+    write_synced(folder / JOB, sealed(job.model_dump(mode="json")))
     return job
 
 

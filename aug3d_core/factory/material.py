@@ -15,11 +15,16 @@ from aug3d_core.town.files import TOWN_PHOTOS
 
 
 class Source(Frozen):
-    """An input of a stage: a folder of files, the digest of its content, and the code that the settings behind it named."""
+    """An input of a stage: a folder of files, the digest of its content, and the code that the settings behind it named.
+
+    made: the object that it is, None for what the user gave. reads: the only files of it that the stage reads, empty for all.
+    """
 
     path: Path
     digest: str
     modules: tuple[str, ...] = ()
+    made: Record | None = None
+    reads: tuple[str, ...] = ()
 
 
 class Material(Frozen):
@@ -40,7 +45,7 @@ class Material(Frozen):
 def source_of(store: Store, record: Record, reads: Sequence[str] = ()) -> Source:
     """Return a finished object as an input of a stage. reads: the only files that the stage reads of it, empty for all."""
     digest = files_digest({name: record.files[name] for name in reads}) if reads else record.digest
-    return Source(path=store.files_dir(record), digest=digest, modules=record.modules)
+    return Source(path=store.place(record), digest=digest, modules=record.modules, made=record, reads=tuple(reads))
 
 
 def gather(store: Store, stage: Stage, records: Mapping[str, Record], material: Material) -> dict[str, Source]:

@@ -57,8 +57,8 @@ def walk(
 ) -> Iterator[Visit]:
     """Visit the steps of a run in order, each after what it reads; what `make` raises ends the walk.
 
-    given: objects that are there already, by stage. plan: an earlier walk by step, in a store that lost nothing since: its
-    keys are not computed again, and `make` sees what it found. folds: visit the later folds of a small scene too; otherwise
+    given: objects that are there already, by stage. plan: an earlier walk by step: its keys are not computed again unless an
+    object is not what it found. folds: visit the later folds of a small scene too; otherwise
     the grouping's own fold alone.
     """
     records = dict(given or {})
@@ -69,6 +69,8 @@ def walk(
             visit = _visit(store, step, config, {**(given or {}), **seen_from(step, stages, records)}, material, folds)
         if visit.work is not None and (built := make(visit)):
             records[step.name] = built.record
+            if visit.built and visit.built.record.digest != built.record.digest:
+                plan = None  # it was damaged, and has other bytes now: later keys are others, too
             visit = Visit(step, visit.work, built, visit.decisions)
         yield visit
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.stage import Stage
+from aug3d_core.store.damage import DamagedError
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
@@ -25,8 +26,15 @@ def why_made(store: Store, stage: Stage, now: Record, before: Record | None) -> 
     code = () if settings or engines or now.recipe == before.recipe else ("code of aug3d",)
     inputs = [name for name in {**now.inputs, **before.inputs} if now.inputs.get(name) != before.inputs.get(name)]
     if stage.name == "photos" and inputs:
-        return (*code, *settings, *engines, _photo_changes(store.files_dir(before), store.files_dir(now)))
+        return (*code, *settings, *engines, _told_of_photos(store, before, now))
     return (*code, *settings, *engines, *(f"other {name.replace('_', ' ')}" for name in inputs))
+
+
+def _told_of_photos(store: Store, before: Record, now: Record) -> str:
+    try:
+        return _photo_changes(*(store.files_dir(record, [PHOTO_TABLE]) for record in (before, now)))
+    except DamagedError:  # the earlier table, which nothing else needs
+        return "other photographs"
 
 
 def _photo_changes(before: Path, now: Path) -> str:

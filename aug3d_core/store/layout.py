@@ -36,6 +36,7 @@ MLFLOW_OUTBOX = "mlflow-outbox"
 # One object
 RECORD = "record.json"
 GONE = ".gone-"  # begins the name of an object that is being deleted
+DAMAGED = ".damaged-"  # begins the name of what was put aside because its bytes are not those that were written
 
 # charts
 REPORT = "report.html"

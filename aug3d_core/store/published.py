@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.seal import sealed, unsealed
 from aug3d_core.store.store import Store
 
 RULES = ("test_photos", "conventions")  # what two scores must have in common to be compared
@@ -20,7 +20,7 @@ def published(store: Store, scene: str) -> Path | None:
     """Return the folder of the published version; None if there is none. Raises StoreError if it is named and gone."""
     pointer = _pointer(store, scene)
     try:
-        name = json.loads(pointer.read_bytes())["version"]
+        name = unsealed(pointer.read_bytes())["version"]
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
@@ -38,7 +38,7 @@ def published(store: Store, scene: str) -> Path | None:
 
 def publish(store: Store, scene: str, version: Path) -> None:
     """Name a complete version as the one to use; the one before stays on the disk until `aug3d gc`."""
-    write_synced(_pointer(store, scene), json.dumps({"version": version.name}).encode())
+    write_synced(_pointer(store, scene), sealed({"version": version.name}))
 
 
 def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most_psnr_drop_db: float) -> str | None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from pathlib import Path
 from typing import Any
 
 from pydantic import ConfigDict
 
+from aug3d_core.run.errors import StoreError
 from aug3d_core.run.stage import Decision, Frozen, Metric, State
+from aug3d_core.store.seal import unsealed
 
 
 class FileEntry(Frozen):
@@ -52,6 +55,22 @@ class Record(Frozen):
     def size_bytes(self) -> int:
         """Bytes that the object's files occupy."""
         return sum(entry.size_bytes for entry in self.files.values())
+
+
+def read_record(path: Path) -> Record:
+    """Read a record; raises ValueError if it is not what was written."""
+    record = Record.model_validate(unsealed(path.read_bytes()))
+    if record.digest != files_digest(record.files):
+        raise ValueError("the digests of its files do not fit that of the whole")
+    return record
+
+
+def read_job(path: Path) -> dict[str, Any]:
+    """Read the job by which an object was made; raises StoreError if it is not what was written."""
+    try:
+        return unsealed(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise StoreError(f"{path} is damaged ({error})", "delete its object, and run the scene again") from error
 
 
 def files_digest(files: dict[str, FileEntry]) -> str:

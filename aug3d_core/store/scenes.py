@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Mapping
@@ -12,11 +11,15 @@ from typing import Any
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
+from aug3d_core.store.damage import sha256_of
 from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
 from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.seal import sealed, unsealed
 from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
+
+DIGESTS = "digests"  # in `metrics.json`: of the files beside it
 
 
 def new_version(store: Store, scene: str) -> Path:
@@ -24,9 +27,11 @@ def new_version(store: Store, scene: str) -> Path:
     return timed_folder(store.root / layout.SCENES / check_scene_name(scene))
 
 
-def write_metrics(version: Path, metrics: dict[str, Any]) -> None:
-    """Write a version's `metrics.json`; a version counts from this moment."""
-    write_synced(version / layout.METRICS, json.dumps(metrics, indent=1).encode())
+def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
+    """Write a version's `metrics.json`, sealed, with the digest of the report; a version counts from this moment."""
+    report = version / layout.REPORT
+    told = {**metrics, DIGESTS: {layout.REPORT: sha256_of(report)}} if report.exists() else metrics
+    write_synced(version / layout.METRICS, sealed(told))
 
 
 def version_paths(store: Store, version: Path, records: Mapping[str, Record]) -> dict[str, Any]:
@@ -35,7 +40,7 @@ def version_paths(store: Store, version: Path, records: Mapping[str, Record]) ->
         "metrics": str(version / layout.METRICS),
         "report": str(version / layout.REPORT),
         "mlflow": masked(mlflow_address(store)),
-        "objects": {step: str(store.files_dir(record)) for step, record in records.items()},
+        "objects": {step: str(store.place(record)) for step, record in records.items()},
     }
 
 
@@ -51,24 +56,53 @@ def masked(text: str) -> str:
 
 def scenes(store: Store) -> list[str]:
     """Return the names of all scenes that have a version."""
-    return sorted({path.parent.parent.name for path in (store.root / layout.SCENES).glob(f"*/*/{layout.METRICS}")})
+    files = (store.root / layout.SCENES).glob(f"*/*/{layout.METRICS}")
+    return sorted({path.parent.parent.name for path in files if not metrics_fault(path.parent)})
 
 
 def versions(store: Store, scene: str) -> list[Path]:
     """Return the folders of a scene's versions that count, oldest first."""
     folder = store.root / layout.SCENES / check_scene_name(scene)
-    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}"))
+    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
+
+
+def damaged_versions(store: Store, scene: str) -> list[str]:
+    """Say which versions of a scene count as absent, and why: their `metrics.json` is empty or not what was written."""
+    folder = store.root / layout.SCENES / check_scene_name(scene)
+    found = ((path, metrics_fault(path.parent)) for path in sorted(folder.glob(f"*/{layout.METRICS}")))
+    return [f"{path} {what}: the version counts as absent" for path, what in found if what]
+
+
+def metrics_fault(version: Path) -> str:
+    """Return what is wrong with the `metrics.json` of a version, "" if it is whole."""
+    try:
+        version_metrics(version)
+    except StoreError as error:
+        return error.problem.removeprefix(f"{version / layout.METRICS} ")
+    return ""
 
 
 def version_metrics(version: Path) -> dict[str, Any]:
-    """Return the `metrics.json` of a version."""
-    return json.loads((version / layout.METRICS).read_bytes())
+    """Return the `metrics.json` of a version; raises StoreError if it is not what was written."""
+    file = version / layout.METRICS
+    content = file.read_bytes()
+    try:
+        return {name: value for name, value in unsealed(content).items() if name != DIGESTS}
+    except ValueError as error:
+        what = f"is damaged ({error})" if content else "is empty"
+        raise StoreError(
+            f"{file} {what}", "aug3d verify --repair puts the version aside; run the scene to have another"
+        ) from error
 
 
 def last_version(store: Store, scene: str) -> dict[str, Any]:
     """Return the `metrics.json` of a scene's newest version; raises UsageError if there is none."""
     found = versions(store, scene)
     if not found:
+        if damaged := damaged_versions(store, scene):
+            raise StoreError(
+                f"scene {scene!r} has no whole version: {damaged[-1]}", "aug3d verify --repair, then run it again"
+            )
         known = ", ".join(scenes(store)) or "none yet"
         raise UsageError(
             f"there is no scene {scene!r} in {store.root}", f"scenes here: {known}; make one with aug3d run"
@@ -78,12 +112,20 @@ def last_version(store: Store, scene: str) -> dict[str, Any]:
 
 def records_before(store: Store, scene: str) -> dict[str, Record]:
     """Return what the published version of a scene is made of, else the newest, by step; what is gone is left out."""
-    version = published(store, scene)
+    metrics = published_metrics(store, scene)
     try:
-        metrics = last_version(store, scene) if version is None else version_metrics(version)
-    except UsageError:
+        return records_of(store, metrics or last_version(store, scene))
+    except (UsageError, StoreError):
         return {}
-    return records_of(store, metrics)
+
+
+def published_metrics(store: Store, scene: str) -> dict[str, Any] | None:
+    """Return the `metrics.json` of the published version; None if there is none, or it is damaged or gone."""
+    try:
+        version = published(store, scene)
+        return version_metrics(version) if version else None
+    except StoreError:
+        return None
 
 
 def step_objects(metrics: Mapping[str, Any]) -> dict[str, tuple[str, str]]:

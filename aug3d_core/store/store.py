@@ -7,22 +7,23 @@ object cannot be seen. Work folders survive a kill: a resumable stage goes on wh
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
-from pydantic import ValidationError
 
 from aug3d_core.run.atomic_file import disk_full, write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import ERROR, FILES, JOB, LOG
 from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
-from aug3d_core.store.record import FileEntry, Record, files_digest
+from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, sha256_of, unreadable
+from aug3d_core.store.record import FileEntry, Record, files_digest, read_record
+from aug3d_core.store.seal import sealed
 
 
 class Store:
@@ -48,9 +49,37 @@ class Store:
         """Return the folder of a finished object."""
         return self.root / layout.OBJECTS / stage / key
 
-    def files_dir(self, record: Record) -> Path:
-        """Return the folder that holds the object's files."""
+    def files_dir(self, record: Record, reads: Sequence[str] = ()) -> Path:
+        """Return the folder of an object's files to whoever reads them; raises DamagedError if one is not what was written.
+
+        Each, or only those that are named, is compared with its digest the first time in a process.
+        """
+        self.check(record, reads)
+        return self.place(record)
+
+    def place(self, record: Record) -> Path:
+        """Return the folder of an object's files to be told or linked, not to be read."""
         return self.object_dir(record.stage, record.key) / FILES
+
+    def check(self, record: Record, reads: Sequence[str] = ()) -> None:
+        """Compare an object's files, or those named, with their digests; a damaged object is put aside, DamagedError raised."""
+        found = self.faults(record, reads)
+        if not found:
+            return
+        aside = self.put_aside(record, found[0])
+        where = f"it lies in {aside} now, until aug3d gc" if aside else "it could not be put aside"
+        raise DamagedError(
+            f"{self.place(record) / found[0].name} {found[0].what}: {record.stage} {record.key} is damaged; {where}",
+            "aug3d verify --repair makes it again, and so does the next run of the scene",
+            aside,
+        )
+
+    def faults(
+        self, record: Record, reads: Sequence[str] = (), on_bytes: Callable[[int], None] = lambda count: None
+    ) -> list[Fault]:
+        """Return what is wrong with an object's files, or with those named. on_bytes: told what was read, from threads."""
+        entries = {name: record.files[name] for name in reads} if reads else record.files
+        return faults(self.place(record), entries, on_bytes)
 
     def work_dir(self, stage: str, key: str) -> Path:
         """Return the folder in which an object is being made."""
@@ -111,40 +140,65 @@ class Store:
 
         Raises StoreError where the disk does not let us tell.
         """
+        record = self.record(stage, key)
+        if not isinstance(record, Record):
+            return None
+        changed = any(_changed(self.place(record) / name, entry) for name, entry in record.files.items())
+        return None if changed else record
+
+    def put_aside(self, record: Record, seen: Fault) -> Path | None:
+        """Move a damaged object out of sight and return where it lies; None if somebody else did, or the disk forbids it."""
+        with suppress(OSError), self.lock(record.stage, record.key):
+            if fault(self.place(record) / seen.name, record.files[seen.name]):  # nobody made it again meanwhile
+                return self._aside(record.stage, record.key)
+        return None
+
+    def take(self, stage: str, key: str) -> tuple[Record | None, str]:
+        """Return an object's record, all files compared with their digests, and what is wrong with it, "" if nothing.
+
+        What is damaged, or left of an object, is put out of sight: only for whoever holds the object's lock.
+        """
+        found = self.record(stage, key)
+        record, wrong = (found, self.faults(found)) if isinstance(found, Record) else (None, [found])
+        if not wrong or not self.object_dir(stage, key).exists():
+            return record, ""
+        self._aside(stage, key)
+        return record, listed(wrong)
+
+    def record(self, stage: str, key: str) -> Record | Fault:
+        """Return an object's record, or what is wrong with it."""
         folder = self.object_dir(stage, key)
         try:
-            record = Record.model_validate_json((folder / layout.RECORD).read_bytes())
-            whole = all(_intact(folder / FILES / path, entry) for path, entry in record.files.items())
-        except (FileNotFoundError, NotADirectoryError, ValidationError):
-            return None
+            return read_record(folder / layout.RECORD)
+        except (FileNotFoundError, NotADirectoryError):
+            return Fault(layout.RECORD, "is missing")
+        except ValueError as error:
+            return Fault(layout.RECORD, f"is damaged ({error})")
         except OSError as error:
-            raise StoreError(
-                f"{error.filename or folder} cannot be read: {error.strerror}",
-                "see that you may read it and that its disk is well, then try again",
-            ) from error
-        return record if whole else None
+            raise unreadable(folder, error) from error
 
-    def drop_broken(self, stage: str, key: str) -> None:
-        """Delete what is left of an object that `find` does not find: only for whoever holds the object's lock."""
+    def _aside(self, stage: str, key: str) -> Path:
         folder = self.object_dir(stage, key)
-        if folder.exists():
-            discard(folder)
+        aside = folder.with_name(f"{layout.DAMAGED}{key}-{time.time_ns()}")
+        folder.rename(aside)
+        return aside
 
     def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
-        """Return the files' folders of the objects that a recipe made, newest first."""
+        """Return the files' folders of the whole objects that a recipe made, newest first."""
         found = []
         for path in (self.root / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"):
-            with suppress(OSError, ValidationError):
-                if Record.model_validate_json(path.read_bytes()).recipe == recipe:
-                    found.append((path.stat().st_mtime_ns, path.parent / FILES))
-        return [files for _, files in sorted(found, reverse=True)[:most]]
+            with suppress(OSError, ValueError):
+                if (record := read_record(path)).recipe == recipe:
+                    found.append((path.stat().st_mtime_ns, record))
+        newest = [record for _, record in sorted(found, key=lambda each: each[0], reverse=True)[:most]]
+        return [self.place(record) for record in newest if not self.faults(record)]
 
     def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
         """Turn a work folder into an object: digest the files, write the record last, sync, rename."""
         files = {p.relative_to(work / FILES).as_posix(): p for p in _files_under(work / FILES)}
         entries = {name: file_entry(path) for name, path in sorted(files.items())}
         record = Record(stage=stage, key=key, digest=files_digest(entries), files=entries, **record_fields)
-        write_synced(work / layout.RECORD, record.model_dump_json(indent=1).encode())
+        write_synced(work / layout.RECORD, sealed(record.model_dump(mode="json")))
         target = self.object_dir(stage, key)
         target.parent.mkdir(parents=True, exist_ok=True)
         work.rename(target)
@@ -175,20 +229,20 @@ class Store:
 
 def file_entry(path: Path) -> FileEntry:
     """Hash one file and flush it to the disk."""
-    digest = hashlib.sha256()
+    digest = sha256_of(path)
     with path.open("rb") as file:
-        for block in iter(lambda: file.read(1 << 20), b""):
-            digest.update(block)
         os.fsync(file.fileno())
         stat = os.fstat(file.fileno())
-    return FileEntry(sha256=digest.hexdigest(), size_bytes=stat.st_size, mtime_ns=stat.st_mtime_ns)
+    return FileEntry(sha256=digest, size_bytes=stat.st_size, mtime_ns=stat.st_mtime_ns)
 
 
-def _intact(path: Path, entry: FileEntry) -> bool:
-    stat = path.stat()
-    if (stat.st_size, stat.st_mtime_ns) == (entry.size_bytes, entry.mtime_ns):
-        return True  # as git does: unchanged size and time mean unchanged bytes
-    return stat.st_size == entry.size_bytes and file_entry(path).sha256 == entry.sha256
+def _changed(path: Path, entry: FileEntry) -> str:
+    """Return what is wrong with a file at a glance: one of unchanged size and time is read by whoever needs it."""
+    with suppress(OSError):  # `fault` says what it is
+        stat = path.stat()
+        if (stat.st_size, stat.st_mtime_ns) == (entry.size_bytes, entry.mtime_ns):
+            return ""
+    return fault(path, entry)
 
 
 def _files_under(folder: Path) -> Iterator[Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -14,6 +13,7 @@ from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import step_objects
+from aug3d_core.store.seal import unsealed
 from aug3d_core.store.store import Store
 
 Object = tuple[str, str]  # stage, key
@@ -118,10 +118,11 @@ def _holders(
     found = []
     for path in sorted(folder.glob(f"*/*/{file}")):
         try:
-            objects, whole = read(json.loads(path.read_bytes()))
+            objects, whole = read(unsealed(path.read_bytes()))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise StoreError(
-                f"{path} does not say which objects it needs", f"mend it, or delete its folder {path.parent}"
+                f"{path} does not say which objects it needs",
+                f"aug3d verify --repair puts it aside; or delete its folder {path.parent}",
             ) from error
         found.append(Holder(path.parent.parent.name, path.parent, objects, whole))
     return found

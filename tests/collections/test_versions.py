@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.collections.versions import held_back, model_of, new_version, publish, published, write_metrics
+from aug3d_core.collections.versions import held_back, model_of, new_version, publish, published
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.retention import plan
+from aug3d_core.store.scenes import write_metrics
 from aug3d_core.store.store import Store
 
 

@@ -11,9 +11,10 @@ from typer.testing import CliRunner, Result
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.collections.versions import new_version, publish, write_metrics
+from aug3d_core.collections.versions import new_version, publish
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.scene_files import SceneEntry, Schedule, write_scene
+from aug3d_core.store.scenes import write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
 

@@ -11,8 +11,8 @@ import pytest
 from aug3d_core.factory.stages import PHOTOS, TRAINING
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.store.changes import why_made
-from aug3d_core.store.record import Record
-from aug3d_core.store.store import Store
+from aug3d_core.store.record import FileEntry, Record
+from aug3d_core.store.store import Store, file_entry
 
 FIELDS = {
     "stage": "training", "key": "k", "digest": "d", "recipe": "r", "config": {"steps": 300, "seed": 0},
@@ -46,6 +46,12 @@ def test_what_never_was_is_made_for_the_first_time(tmp_path: Path) -> None:
     assert why_made(Store(tmp_path), TRAINING, record(), None) == ("first time",)
 
 
+def written(path: Path, rows: dict[str, str]) -> FileEntry:
+    path.parent.mkdir(parents=True)
+    pd.DataFrame({"name": rows.keys(), "sha256": rows.values()}).to_parquet(path)
+    return file_entry(path)
+
+
 @pytest.mark.parametrize(
     ("now", "told"),
     [
@@ -58,7 +64,5 @@ def test_photographs_that_came_went_and_changed_are_named(now: dict[str, str], t
     store = Store(tmp_path)
     first, second = (record(stage="photos", key=key, inputs={"folder": key}) for key in "12")
     for made, rows in ((first, {"a": "1", "b": "2", "c": "3"}), (second, now)):
-        store.files_dir(made).mkdir(parents=True)
-        table = pd.DataFrame({"name": rows.keys(), "sha256": rows.values()})
-        table.to_parquet(store.files_dir(made) / PHOTO_TABLE)
+        made.files[PHOTO_TABLE] = written(store.place(made) / PHOTO_TABLE, rows)
     assert why_made(store, PHOTOS, second, first) == (told,)

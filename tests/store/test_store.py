@@ -15,7 +15,9 @@ import pytest
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import FILES, LOG
 from aug3d_core.store import layout
+from aug3d_core.store.damage import DamagedError
 from aug3d_core.store.record import Record
+from aug3d_core.store.seal import SEAL, sealed
 from aug3d_core.store.store import Store
 
 FIELDS = {
@@ -79,8 +81,13 @@ def test_a_harmed_object_is_not_found_and_stays_until_its_maker_drops_it(tmp_pat
     held = sorted(store.object_dir("photos", "k1").rglob("*"))
     assert store.find("photos", "k1") is None
     assert sorted(store.object_dir("photos", "k1").rglob("*")) == held, "whoever only looks deletes nothing"
-    store.drop_broken("photos", "k1")
+    found, wrong = store.take("photos", "k1")
+    assert wrong.startswith("record.json" if "record" in harm else "sub/a.txt") and (found is None) == (
+        "record" in harm
+    )
     assert commit(store).digest == record.digest  # and it can be made again
+    (aside,) = (tmp_path / layout.OBJECTS / "photos").glob(f"{layout.DAMAGED}k1-*")
+    assert aside.is_dir(), "what was damaged can be looked at"
 
 
 def test_a_record_of_a_newer_version_is_read(tmp_path: Path) -> None:
@@ -89,8 +96,68 @@ def test_a_record_of_a_newer_version_is_read(tmp_path: Path) -> None:
     file = store.object_dir("photos", "k1") / layout.RECORD
     told = json.loads(file.read_text())
     told["files"]["sub/a.txt"]["mode"] = 0o644
-    file.write_text(json.dumps(told | {"joules": 3.0}))
+    del told[SEAL]
+    file.write_bytes(sealed(told | {"joules": 3.0}))
     assert store.find("photos", "k1") == record
+
+
+def flip(file: Path, bit: int) -> None:
+    """Change one bit as a disk does: size and time stay."""
+    stat, content = file.stat(), bytearray(file.read_bytes())
+    content[bit // 8] ^= 1 << bit % 8
+    file.write_bytes(content)
+    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+
+
+def test_a_flipped_bit_is_seen_by_whoever_reads_and_the_object_goes_out_of_sight(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    flip(store.place(record) / "sub" / "a.txt", 9)
+    assert store.find("photos", "k1") == record, "a look alone reads no file"
+    with pytest.raises(DamagedError, match=r"sub/a\.txt holds other bytes.*\n.*aug3d verify --repair") as caught:
+        store.files_dir(record)
+    assert store.find("photos", "k1") is None and caught.value.aside
+    assert (caught.value.aside / FILES / "sub" / "a.txt").read_text() != "hello"
+
+
+def test_only_what_is_read_is_checked_and_only_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path)
+    work = store.work_dir("photos", "k1") / FILES
+    work.mkdir(parents=True)
+    (work / "read").write_text("a")
+    (work / "not read").write_text("b")
+    record = store.commit(work.parent, "photos", "k1", dict(FIELDS))
+    flip(store.place(record) / "not read", 0)
+    assert store.files_dir(record, ["read"]) == store.place(record)
+    monkeypatch.setattr("aug3d_core.store.damage.memoryview", lambda *_: pytest.fail("read twice"), raising=False)
+    store.files_dir(record, ["read"])
+
+
+def test_what_a_process_has_written_it_does_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    monkeypatch.setattr("aug3d_core.store.damage.memoryview", lambda *_: pytest.fail("read again"), raising=False)
+    assert store.files_dir(record) == store.place(record)
+
+
+@pytest.mark.parametrize("where", ['"recipe": "r', '"figure": 1', '"sha256": "', '"seal": "'])
+def test_a_record_with_a_flipped_bit_is_not_believed(tmp_path: Path, where: str) -> None:
+    store = Store(tmp_path)
+    commit(store)
+    file = store.object_dir("photos", "k1") / layout.RECORD
+    flip(file, 8 * (file.read_text().index(where) + len(where)))
+    assert store.find("photos", "k1") is None
+    assert store.take("photos", "k1")[1].startswith("record.json is damaged")
+
+
+def test_a_record_of_an_older_version_has_no_seal_and_is_read(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    record = commit(store)
+    file = store.object_dir("photos", "k1") / layout.RECORD
+    file.write_text(record.model_dump_json())
+    assert store.find("photos", "k1") == record
+    flip(file, 8 * (file.read_text().index('"sha256":"') + 12))
+    assert store.find("photos", "k1") is None, "the digest of the whole does not fit"
 
 
 def test_a_disk_that_cannot_be_read_is_no_harmed_object(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -90,7 +90,10 @@ def test_a_version_that_cannot_be_read_is_named(content: str, tmp_path: Path) ->
     store = Store(tmp_path)
     metrics = add_version(store, "demo", "1", []) / layout.METRICS
     metrics.write_text(content)
-    with pytest.raises(StoreError, match=r"metrics\.json does not say which objects.*\n.*mend it, or delete") as caught:
+    with pytest.raises(
+        StoreError,
+        match=r"metrics\.json does not say which objects.*\n.*verify --repair",
+    ) as caught:
         usage(store)
     assert str(metrics) in caught.value.problem
 

@@ -16,7 +16,7 @@ from mlflow.tracking import MlflowClient
 
 from aug3d_core.run.errors import InputError, StoreError
 from aug3d_core.store import layout
-from aug3d_core.store.scenes import version_paths
+from aug3d_core.store.scenes import version_metrics, version_paths, write_metrics
 from aug3d_core.store.store import Store
 from tasks.mlflow_outbox import Entry, put, waiting
 from tests.tasks.logged import version
@@ -102,10 +102,10 @@ def test_a_failed_run_is_marked_as_failed_and_says_why(tmp_path: Path, client: M
 
 def test_folds_stand_side_by_side(tmp_path: Path, client: MlflowClient) -> None:
     folder = version(tmp_path)
-    metrics = json.loads((folder / layout.METRICS).read_text())
+    metrics = version_metrics(folder)
     for part in (metrics["stages"], metrics["objects"]):
         part["training_fold1"] = part["training"]
-    (folder / layout.METRICS).write_text(json.dumps(metrics))
+    write_metrics(folder, metrics)
     steps = nested(client, client.get_run(log(folder).run_id))
     assert steps["training_fold1"].data.params == steps["training"].data.params
     assert steps["training_fold1"].data.tags["stage"] == "training"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from aug3d_core.run.nested import flat
 from aug3d_core.run.stage import StageConfig
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
+from aug3d_core.store.record import read_job
 from aug3d_core.store.scenes import last_version, object_of, records_of, scenes
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
@@ -117,8 +117,8 @@ def _photos(store: Store, version: Mapping[str, Any]) -> Path | None:
     """Return the folder that the photographs came from, None if the town rendered them."""
     if "town" in version["paths"]["objects"]:
         return None
-    made = store.files_dir(object_of(store, version, "photos")).parent
-    folder = Path(json.loads((made / JOB).read_bytes())["inputs"]["folder"])
+    made = store.place(object_of(store, version, "photos")).parent
+    folder = Path(read_job(made / JOB)["inputs"]["folder"])
     if not folder.is_dir():
         raise UsageError(
             f"the photographs of scene {version['scene']!r} are no longer in {folder}",

@@ -1,0 +1,109 @@
+"""`aug3d verify`: read a whole store, name what is damaged, and make it again."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
+
+from aug3d_core.run.errors import Aug3dError, UsageError
+from aug3d_core.store import layout
+from aug3d_core.store.store import Store
+from aug3d_core.store.verification import Damage, OnBytes, damaged, items_of, size_of
+from flows.refusal import typed_errors
+
+HOME = Path("aug3d_data")
+
+
+def verify(
+    scene: Annotated[
+        str | None,
+        typer.Argument(help="Only what the versions and studies of this scene need; without it, everything."),
+    ] = None,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Put what is damaged aside, and make objects again as they were made.")
+    ] = False,
+    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+) -> None:
+    """Read every object and version, and compare each file with the digest that was taken when it was written.
+
+    Disks lose bits without a word, and a file's size and time tell nothing. Exit code 3: something is damaged.
+    """
+    with typed_errors(as_json):
+        console, store, started = Console(stderr=as_json), Store(home), time.monotonic()
+        with store.using():
+            items = items_of(store, scene)
+            if scene is not None and not items:
+                raise UsageError(f"no version or study of {scene!r} is in {store.root}", "see aug3d gc --dry-run")
+            size = size_of(store, items)
+            with _shown(console, size) as on_bytes:
+                found = [*_shipped(), *damaged(store, scene, items, on_bytes)]
+        seconds = time.monotonic() - started
+        told = [{**asdict(one), "path": str(one.path), "repaired": None} for one in found]
+        console.print(
+            f"{len(items)} objects, {size / 2**20:,.0f} MiB read in {seconds:.1f} s: {len(found) or 'nothing'} damaged",
+            highlight=False,
+        )
+        for one, line in zip(found, told, strict=True):
+            needed = f"; needed by {', '.join(one.needed_by)}" if one.needed_by else ""
+            console.print(f"[red]damaged[/] {one.path}: {one.what}{needed}", highlight=False, soft_wrap=True)
+            if repair:
+                line["repaired"], said = _repaired(store, one)
+                console.print(f"  {said}", highlight=False, soft_wrap=True, markup=False)
+        if found and not repair:
+            console.print("\nnext  aug3d verify --repair", highlight=False)
+        if as_json:
+            print(
+                json.dumps(
+                    {"objects": len(items), "bytes": size, "seconds": round(seconds, 2), "damaged": told}, indent=1
+                )
+            )
+        raise typer.Exit(3 if any(not line["repaired"] for line in told) else 0)
+
+
+@contextmanager
+def _shown(console: Console, size: int) -> Iterator[OnBytes]:
+    columns = (TextColumn("reading"), BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
+        row = bars.add_task("", total=size)
+        yield lambda count: bars.advance(row, count)
+
+
+def _shipped() -> list[Damage]:
+    """Say whether the weights that aug3d ships are what was shipped."""
+    from aug3d_core.heads.config import shipped
+    from aug3d_core.heads.files import MODEL_WEIGHTS
+    from aug3d_core.run.digest import file_digest
+
+    folder, digest, _ = shipped()
+    try:
+        whole = file_digest(folder / MODEL_WEIGHTS) == digest
+    except OSError:
+        whole = False
+    return [] if whole else [Damage(folder / MODEL_WEIGHTS, "is not what aug3d ships: install aug3d again")]
+
+
+def _repaired(store: Store, one: Damage) -> tuple[bool, str]:
+    """Repair one thing; say whether it is whole now, and what was done."""
+    from aug3d_core.factory.repair import repair
+
+    if not one.path.is_relative_to(store.root):
+        return False, "aug3d cannot make it again"
+    if one.item is None:
+        aside = one.path.with_name(f"{layout.DAMAGED}{one.path.name}-{time.time_ns()}")
+        one.path.rename(aside)
+        return True, f"put aside: {aside}; run the scene again to have another"
+    try:
+        built = repair(store, one.item, lambda *_: None)
+    except Aug3dError as error:
+        return False, f"{error.problem}; {error.remedy}"
+    return True, built.damage or "it was made again"

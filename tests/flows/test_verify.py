@@ -1,0 +1,64 @@
+"""`aug3d verify` reads a store, names what is damaged, and makes it again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from aug3d_core.heads.files import MODEL_WEIGHTS
+from aug3d_core.store.store import Store
+from flows.cli import app
+from tests.store.test_verification import an_object, flip
+
+
+def verified(home: Path, *words: str) -> tuple[int, dict]:
+    result = CliRunner().invoke(app, ["verify", *words, "--home", str(home), "--json"])
+    return result.exit_code, json.loads(result.stdout)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    store = Store(tmp_path)
+    an_object(store, "a")
+    an_object(store, "b")
+    return store
+
+
+def test_a_whole_store(store: Store) -> None:
+    code, told = verified(store.root)
+    assert code == 0
+    assert told["objects"] == 2 and told["bytes"] > 40 and told["damaged"] == []
+
+
+def test_damage_is_named_and_changes_nothing_without_repair(store: Store) -> None:
+    flip(store.object_dir("sfm", "a") / "files" / "b.bin", 17)
+    for _ in range(2):
+        code, told = verified(store.root)
+        assert code == 3
+        (damage,) = told["damaged"]
+        assert damage["item"] == ["sfm", "a"] and damage["what"] == "b.bin holds other bytes than were written"
+        assert damage["repaired"] is None
+
+
+def test_what_cannot_be_made_again_is_put_aside_and_said(store: Store) -> None:
+    flip(store.object_dir("sfm", "a") / "files" / "b.bin", 17)
+    code, told = verified(store.root, "--repair")
+    assert code == 3 and told["damaged"][0]["repaired"] is False
+    code, told = verified(store.root)
+    assert code == 0 and told["objects"] == 1
+
+
+def test_a_scene_that_is_not_there_is_refused(store: Store) -> None:
+    result = CliRunner().invoke(app, ["verify", "vale", "--home", str(store.root)])
+    assert result.exit_code == 2 and "no version or study of 'vale'" in result.output
+
+
+def test_the_shipped_weights_are_read(store: Store, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "shipped").mkdir()
+    (tmp_path / "shipped" / MODEL_WEIGHTS).write_bytes(b"other")
+    monkeypatch.setattr("aug3d_core.heads.config.shipped", lambda: (tmp_path / "shipped", "0" * 64, ()))
+    code, told = verified(store.root)
+    assert code == 3 and "is not what aug3d ships" in told["damaged"][0]["what"]
