@@ -42,7 +42,8 @@ def check_servers(environment: Mapping[str, str] = os.environ) -> None:
         if _turned_away(address + _GUARDED[variable], _authorization(variable, environment)):
             raise StoreError(
                 f"the {name} at {masked(address)} does not take the password that it is given",
-                f"set {_PASSWORDS[variable]} to the one that it was first started with",
+                f"set {_PASSWORDS[variable]} to its own; that of `aug3d up` is AUG3D_PASSWORD, or else in "
+                "services/token of its home",
             )
 
 

@@ -1,4 +1,4 @@
-"""A Prefect server that lives exactly as long as one run: `python -m flows.server PORT` is its process.
+"""A Prefect server that lives exactly as long as one run, behind a guard and with a secret of that run.
 
 Prefect can start such a server by itself, but that one outlives a run that is killed, and the next one beside it.
 """
@@ -6,24 +6,27 @@ Prefect can start such a server by itself, but that one outlives a run that is k
 from __future__ import annotations
 
 import os
+import secrets
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from aug3d_core.run.errors import StoreError
-from aug3d_core.run.linux_process import die_with_parent
+from aug3d_core.run.errors import Aug3dError, StoreError
+from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.process import log_tail
-from aug3d_core.run.short_process import collect_seldom
 from aug3d_core.store import layout
-from tasks.fresh_database import is_current, keep, lay_out
+from flows.serving import LISTENING, PREFECT, Serving
+from tasks.fresh_database import is_current, keep, lay_out, set_aside
 
 _PATIENCE_S = 180.0  # a busy machine needs far longer than an idle one's 3 s
-_API = "PREFECT_API_URL"
+_MOST_STARTS = 10
+_API, _AUTH, _RETRIES = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_CLIENT_MAX_RETRIES"
 _ADDRESSES = ("PREFECT_API_DATABASE_CONNECTION_URL", "PREFECT_SERVER_DATABASE_CONNECTION_URL")  # old name and new
 
 
@@ -32,94 +35,139 @@ def prefect_server(home: Path) -> Iterator[Callable[[], bool]]:
     """Start a server on loopback and point Prefect to it, unless the user named one.
 
     Yields the function that waits until it can be used, and raises StoreError if that never is: there is time to work
-    before it is called. It returns whether the server is this run's own.
+    before it is called. It returns whether the server is this run's own. One that dies is started again; a run that fails
+    since that did not help raises StoreError.
     """
     if os.environ.get(_API):
         yield lambda: False
         return
-    port = _free_port()
-    log = home / layout.PREFECT / "server.log"
-    log.parent.mkdir(parents=True, exist_ok=True)
-    database = _database()
-    with log.open("wb") as file:
-        # What Prefect itself sets for a server of this kind; the pages would only cost time here.
-        settings = {"PREFECT_UI_ENABLED": "0", "PREFECT__SERVER_EPHEMERAL": "1", "PREFECT__SERVER_FINAL": "1"}
-        settings |= _start_with(database)
-        server = subprocess.Popen(
-            [sys.executable, "-m", "flows.server", str(port)],
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=file,
-            start_new_session=True,  # Ctrl-C reaches the run first, which then ends the server
-            env={**os.environ, **settings},
-        )
+    server = _Server(home)
+    # A server that is away is waited for by the socket; one that cannot be started again shall not be waited for.
+    own = {_API: f"{server.serving.prefect}/api", _AUTH: server.serving.user_and_password(), _RETRIES: "3"}
+    before = {name: os.environ.get(name) for name in own}
+    try:
+        os.environ.update(own)
+        server.start()
+        yield server.wait
+    except Aug3dError:
+        raise
+    except Exception as error:
+        if server.lost:
+            raise server.lost from error
+        raise
+    finally:
+        server.end()
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
 
-    def wait() -> bool:
-        _wait_until_healthy(server, port, log)
-        if database is not None:
-            keep(layout.PREFECT, database)
+
+class _Server:
+    """The process, and the socket that it listens on.
+
+    The socket is this process's: while a server that was killed is started again, requests wait in it and are not refused.
+    """
+
+    lost: StoreError | None = None  # why it could not be started again
+
+    def __init__(self, home: Path) -> None:
+        self._socket = socket.create_server(("127.0.0.1", 0), backlog=1024)
+        self.serving = Serving(home, prefect_port=self._socket.getsockname()[1], password=secrets.token_hex())
+        self._log = home / layout.PREFECT / "server.log"
+        self._log.parent.mkdir(parents=True, exist_ok=True)
+        self._log.unlink(missing_ok=True)  # an earlier run's
+        self._database = own_database(home)
+        self._starts = 0
+        self._ending = False
+        self._turn = threading.Lock()
+
+    def start(self) -> None:
+        """Start it, unless the run ends."""
+        with self._turn:
+            if self._ending:
+                return
+            # What Prefect itself sets for a server of this kind; the pages would only cost time here.
+            settings = {"PREFECT_UI_ENABLED": "0", "PREFECT__SERVER_EPHEMERAL": "1", "PREFECT__SERVER_FINAL": "1"}
+            number = self._socket.fileno()
+            told = {**self.serving.as_environment(), SUPERVISED: "1", LISTENING: str(number), "PYTHONUNBUFFERED": "1"}
+            with self._log.open("ab") as file:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "flows.web", PREFECT],
+                    stdin=subprocess.DEVNULL,
+                    stdout=file,
+                    stderr=file,
+                    start_new_session=True,  # Ctrl-C reaches the run first, which then ends the server
+                    pass_fds=(number,),
+                    env={**os.environ, **settings, **_start_with(self._database), **told},
+                )
+            self._starts += 1
+
+    def wait(self) -> bool:
+        """Wait until it can be used; from then on it is started again whenever it dies."""
+        self._wait_until_healthy()
+        if self._database is not None:
+            keep(layout.PREFECT, self._database)
+        threading.Thread(target=self._keep_up, daemon=True).start()
         return True
 
-    try:
-        os.environ[_API] = f"http://127.0.0.1:{port}/api"
-        yield wait
-    finally:
-        os.environ.pop(_API, None)
-        server.kill()  # its database is a journal: nothing is lost, and waiting for its good-bye takes seconds
-        server.wait()
+    def end(self) -> None:
+        """Kill it: its database is a journal, nothing is lost, and waiting for its good-bye takes seconds."""
+        with self._turn:
+            self._ending = True
+            if self._starts:
+                self._process.kill()
+                self._process.wait()
+            self._socket.close()
 
-
-def _wait_until_healthy(server: subprocess.Popen, port: int, log: Path) -> None:
-    deadline = time.monotonic() + _PATIENCE_S
-    while server.poll() is None and time.monotonic() < deadline:
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/health", timeout=5):
+    def _keep_up(self) -> None:
+        while True:
+            self._process.wait()
+            if self._ending:
                 return
-        except OSError:
-            time.sleep(0.1)
-    raise StoreError(
-        f"Prefect's server did not start on port {port}; it last said:\n{log_tail(log)}",
-        f"look at {log}, or start one with `prefect server start` and set {_API}",
-    )
+            code = self._process.returncode
+            print(f"Prefect's server of this run ended ({code}); it is started again", file=sys.stderr, flush=True)
+            try:
+                if self._starts >= _MOST_STARTS:
+                    raise StoreError(f"Prefect's server of this run ended {self._starts} times", f"look at {self._log}")
+                self.start()
+                self._wait_until_healthy()
+            except Exception as error:  # whatever it is, the run must hear of it
+                self.lost = error if isinstance(error, StoreError) else StoreError(str(error), f"look at {self._log}")
+                self._socket.close()  # who waits in it is refused now
+                return
+
+    def _wait_until_healthy(self) -> None:
+        deadline = time.monotonic() + _PATIENCE_S
+        address = self.serving.healthy_at(PREFECT)
+        while self._process.poll() is None and time.monotonic() < deadline:
+            try:
+                with urllib.request.urlopen(address, timeout=1):
+                    return
+            except OSError:
+                time.sleep(0.05)
+        if not self._ending:
+            raise StoreError(
+                f"Prefect's server did not start on port {self.serving.prefect_port}; it last said:\n{log_tail(self._log)}",
+                f"look at {self._log}, or start one with `prefect server start` and set {_API}",
+            )
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def _database() -> Path | None:
+def own_database(home: Path) -> Path | None:
     """Return the file of the server's database; None if the user named another database."""
-    return None if any(map(os.environ.get, _ADDRESSES)) else Path(os.environ["PREFECT_HOME"]) / "prefect.db"
+    if any(map(os.environ.get, _ADDRESSES)):
+        return None
+    return Path(os.environ.get("PREFECT_HOME") or home / layout.PREFECT) / "prefect.db"
 
 
 def _start_with(database: Path | None) -> dict[str, str]:
     """Return settings that spare the server seconds of migrations if its database is as this version makes it."""
     if database is None:
         return {}
+    if told := set_aside(database):
+        print(told, file=sys.stderr, flush=True)
     lay_out(layout.PREFECT, database)
     look = str(not is_current(layout.PREFECT, database))
     # Blocks are forms of the pages. `aug3d up` adds them, unless it finds a note (memo) that they were added.
     blocks = {"PREFECT_API_BLOCKS_REGISTER_ON_START": look, "PREFECT_MEMOIZE_BLOCK_AUTO_REGISTRATION": look}
     return {"PREFECT_API_DATABASE_MIGRATE_ON_START": look, **blocks}
-
-
-def main() -> None:
-    """Serve until killed, or until the run that started this process ends."""
-    die_with_parent()
-    collect_seldom()
-    import uvicorn
-
-    uvicorn.run(
-        "prefect.server.api.server:create_app",
-        factory=True,
-        host="127.0.0.1",
-        port=int(sys.argv[1]),
-        log_level="error",
-        lifespan="on",
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -15,7 +15,8 @@ import psutil
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.linux_process import SUPERVISED, adopt_orphans
 from aug3d_core.run.process import log_tail
-from flows.services import MLFLOW, PREFECT, WORKER, Serving, clients, healthy, ready_file
+from flows.services import clients, healthy, ready_file
+from flows.serving import MLFLOW, PREFECT, WORKER, Serving
 
 _PATIENCE_S = 180.0  # a busy machine needs far longer than an idle one's 10 s
 _GOOD_BYE_S = 10.0  # for the worker to tell Prefect what becomes of its runs

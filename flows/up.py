@@ -16,14 +16,25 @@ import typer
 from filelock import FileLock, Timeout
 from rich.console import Console
 
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import UsageError
 from aug3d_core.run.limits import limits_from
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
-from flows.preflight import check_servers
 from flows.refusal import typed_errors
-from flows.services import MLFLOW, PASSWORD, PREFECT, USER, WORKER, Serving, check_password, clients
+from flows.server import own_database
+from flows.serving import (
+    MLFLOW,
+    PASSWORD,
+    PREFECT,
+    WORKER,
+    Serving,
+    check_password,
+    names_in,
+    secrets_read,
+    with_secret,
+)
 from flows.supervisor import Stopped, Supervised, Supervisor, terminable
+from tasks.fresh_database import set_aside
 
 _LOOPBACK = "127.0.0.1"
 _ENTRY = ("-m", "flows.services")
@@ -44,10 +55,13 @@ def up(
 ) -> None:
     """Start Prefect's pages, MLflow's pages and the worker that runs scenes; Ctrl-C ends everything.
 
-    A service that dies is started again. Nothing is open to others: see --host.
+    A service that dies is started again. Nothing is open to others: the pages ask for the password, or for a token that the
+    address printed here brings along; a browser that was signed in stays so. See also --host.
     """
     with typed_errors(as_json):
-        serving = Serving(home.resolve(), host, prefect_port, mlflow_port, os.environ.get(PASSWORD, ""))
+        os.environ.update(secrets_read(os.environ))
+        password, names = os.environ.get(PASSWORD, ""), names_in(os.environ)
+        serving = Serving(home.resolve(), host, prefect_port, mlflow_port, password, names)
         with suppress(Stopped):
             serve(serving, as_json)
 
@@ -56,7 +70,7 @@ def serve(serving: Serving, as_json: bool, worker: Sequence[str] = (*_ENTRY, WOR
     """Serve until interrupted; `worker` are the arguments of Python that the worker is started with.
 
     Raises UsageError for a port in use, a home already served, or an open door without a password; StoreError for a
-    service that does not start, or another password than the servers were first started with.
+    service that does not start.
     """
     console = Console(stderr=True)
 
@@ -67,26 +81,29 @@ def serve(serving: Serving, as_json: bool, worker: Sequence[str] = (*_ENTRY, WOR
     limits_from(os.environ)  # the worker's stages have them
     started = time.monotonic()
     Store(serving.home)  # a folder that cannot be used is told before anything is started
-    serving.folder.mkdir(exist_ok=True)
-    serving.folder.chmod(0o700)
+    own_password = bool(serving.password)
     with _only_one(serving) as running:
         check_ports(serving)
+        serving = with_secret(serving)
         arguments = {PREFECT: (*_ENTRY, PREFECT), MLFLOW: (*_ENTRY, MLFLOW), WORKER: worker}
         services = [Supervised(name, serving, line) for name, line in arguments.items()]
         with terminable(), Supervisor(services, say) as supervisor:
+            database = own_database(serving.home)
+            if database and (aside := set_aside(database)):
+                say(aside)
             say(f"starting Prefect, MLflow and the worker; everything goes to {serving.home}")
             supervisor.start(PREFECT, MLFLOW)
-            check_that_password_is_taken(serving)
             supervisor.start(WORKER)
             told = _told(serving, time.monotonic() - started)
             running.write_text(json.dumps(told, indent=1))
-            _print(told, as_json, bool(serving.password))
+            _print(told, serving, as_json, own_password)
             supervisor.watch()
 
 
 @contextmanager
 def _only_one(serving: Serving) -> Iterator[Path]:
     """Hold the home, and yield the file that tells what serves it; raises UsageError if another `aug3d up` holds it."""
+    serving.folder.mkdir(mode=0o700, exist_ok=True)
     running = serving.folder / layout.SERVICES_RUNNING
     try:
         with FileLock(serving.folder / layout.SERVICES_LOCK, timeout=0):
@@ -104,18 +121,6 @@ def _only_one(serving: Serving) -> Iterator[Path]:
                 "open those, or end it with Ctrl-C first",
             ) from None
         raise UsageError(f"another aug3d up serves {serving.home} already", "end that one first") from None
-
-
-def check_that_password_is_taken(serving: Serving) -> None:
-    """Raise StoreError if a server has kept another password than the one it was started with now."""
-    try:
-        check_servers(clients(serving))
-    except StoreError as error:
-        kept = serving.folder / layout.MLFLOW_AUTH_DATABASE
-        raise StoreError(
-            error.problem,
-            f"set {PASSWORD} to the one of the first start; or delete {kept}, and MLflow takes the new one",
-        ) from error
 
 
 def check_ports(serving: Serving) -> None:
@@ -159,13 +164,14 @@ def _told(serving: Serving, seconds: float) -> dict[str, Any]:
     return {**addresses, "home": str(serving.home), "pid": os.getpid(), "seconds": round(seconds, 1)}
 
 
-def _print(told: dict[str, Any], as_json: bool, guarded: bool) -> None:
+def _print(told: dict[str, Any], serving: Serving, as_json: bool, own_password: bool) -> None:
+    """Tell where the pages are: the addresses sign a browser in, unless the user has a password for that."""
+    pages = {name: serving.address(name) if own_password else serving.signed_in(name) for name in (PREFECT, MLFLOW)}
     if as_json:
-        print(json.dumps(told), flush=True)
+        print(json.dumps({**told, "open": pages}), flush=True)
         return
     print(f"\nready after {told['seconds']:.0f} s")
-    print(f"  Prefect  {told['prefect']}   run and schedule scenes, watch them, read why one failed")
-    print(f"  MLflow   {told['mlflow']}   compare runs, find models")
-    if guarded:
-        print(f"Both ask for user {USER} and the password in {PASSWORD}; Prefect in one line, {USER}:password.")
+    print(f"  Prefect  {pages[PREFECT]}\n           run and schedule scenes, watch them, read why one failed")
+    print(f"  MLflow   {pages[MLFLOW]}\n           compare runs, find models")
+    print(f"Both ask for the password in {PASSWORD}." if own_password else "Either address signs a browser in to both.")
     print("Ctrl-C ends both pages and the worker.\n", flush=True)

@@ -1,6 +1,6 @@
 """Empty databases of Prefect and MLflow, kept in the user's cache: each makes its own by migrations that take seconds.
 
-One is kept for each library and version, emptied from the first that the library made.
+One is kept for each library and version, emptied from the first that the library made. And databases that Prefect cannot use.
 """
 
 from __future__ import annotations
@@ -10,11 +10,16 @@ import sqlite3
 import tempfile
 from collections.abc import Callable
 from contextlib import closing, suppress
+from datetime import UTC, datetime
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
+
+from filelock import FileLock
 
 _REVISION = "alembic_version"
 _SEEDS = {"prefect": {_REVISION}, "mlflow": {_REVISION, "workspaces"}}  # the tables that have rows in a new database
+_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _TROUBLE = (OSError, sqlite3.Error)  # a cache that cannot be used: the library then makes its own database
 
 
@@ -39,6 +44,54 @@ def is_current(library: str, database: Path) -> bool:
     except _TROUBLE:
         return False
     return kept == own
+
+
+def set_aside(database: Path) -> str:
+    """Rename Prefect's database if it is damaged, or newer than the installed version; say so in a line, or return nothing.
+
+    It holds the history of runs, not their results: a run begins with a new one. Nothing of the old one is deleted.
+    """
+    if not database.exists():
+        return ""
+    with FileLock(database.with_suffix(".lock")):  # two runs that begin at once
+        why = _unusable(database)
+        if not why:
+            return ""
+        kept = database.with_name(f"{database.name}.{why}-{datetime.now(UTC):%Y%m%dT%H%M%S%f}")
+        for end in ("", "-wal", "-shm"):
+            with suppress(FileNotFoundError):
+                Path(f"{database}{end}").rename(f"{kept}{end}")
+    than = " than the installed version" if why == "newer" else ""
+    return f"Prefect's database is {why}{than}: it is set aside as {kept}, and a new one begins"
+
+
+def _unusable(database: Path) -> str:
+    """Return what is wrong with Prefect's database, if anything is; one that is busy is not looked at."""
+    try:
+        with closing(_opened(database)) as opened:
+            if opened.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
+                return "damaged"
+            tables = {name for (name,) in opened.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
+            if not tables:
+                return ""  # Prefect lays out an empty one
+            if _REVISION not in tables:
+                return "damaged"
+            revisions = [revision for (revision,) in opened.execute(f"SELECT version_num FROM {_REVISION}")]
+    except sqlite3.Error as error:
+        return "damaged" if getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGED else ""
+    return "newer" if any(not _is_known(revision) for revision in revisions) else ""
+
+
+def _is_known(revision: str) -> bool:
+    """Say whether the installed Prefect has a migration with this number."""
+    with suppress(*_TROUBLE):
+        if _revision(_kept("prefect")) == revision:
+            return True
+    found = find_spec("prefect")
+    folders = [Path(folder) for folder in (found.submodule_search_locations or [])] if found else []
+    steps = [file for folder in folders for file in folder.glob("server/database/_migrations/versions/sqlite/*.py")]
+    quoted = (f'"{revision}"', f"'{revision}'")
+    return not steps or any(number in file.read_text() for file in steps for number in quoted)
 
 
 def _kept(library: str) -> Path:

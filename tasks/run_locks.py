@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,12 +10,18 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 from prefect.runtime import flow_run
 
+from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 
 
 @contextmanager
 def run_lock(home: Path, flow_run_id: str | None = None) -> Iterator[None]:
-    """Hold the lock of a flow run, the present one unless another is named, while its work lasts."""
+    """Hold the lock of a flow run, the present one unless another is named, while its work lasts.
+
+    A run of the worker's ends with the worker; until then it has nothing to do without Prefect's server, which does so too.
+    """
+    if SUPERVISED in os.environ:
+        die_with_parent()
     lock = _lock(home, flow_run_id or str(flow_run.get_id()))
     with lock:
         yield

@@ -40,10 +40,11 @@ def prefect(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     for name, value in local_environment(home).items():
         os.environ[name] = value
     with prefect_server(home) as wait_until_ready:
-        from prefect.settings import PREFECT_API_URL, temporary_settings
+        from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
 
         wait_until_ready()
-        with temporary_settings({PREFECT_API_URL: os.environ["PREFECT_API_URL"]}):  # it may be imported already
+        own = {setting: os.environ[setting.name] for setting in (PREFECT_API_URL, PREFECT_API_AUTH_STRING)}
+        with temporary_settings(own):  # it may be imported already
             yield
 
 

@@ -25,12 +25,11 @@ PREFECT = "prefect"
 ALIVE = "prefect/alive"
 MLFLOW_DATABASE = "mlflow.db"
 MLFLOW_ARTIFACTS = "mlflow-artifacts"
-SERVICES = "services"  # logs and passwords of the servers: only its owner may read it
+SERVICES = "services"  # logs and token of the servers: only its owner may read it
 SERVICES_LOCK = "up.lock"
 SERVICES_RUNNING = "up.json"
+SERVICES_TOKEN = "token"
 WORKER_READY = "worker.ready"
-MLFLOW_AUTH_CONFIG = "mlflow_auth.ini"
-MLFLOW_AUTH_DATABASE = "mlflow_auth.db"
 MLFLOW_OUTBOX = "mlflow-outbox"
 
 # One object

@@ -22,6 +22,7 @@ from aug3d_core.run.files import ERROR, FILES, JOB, LOG
 from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, sha256_of, unreadable
+from aug3d_core.store.private_home import make_private
 from aug3d_core.store.record import FileEntry, Record, files_digest, read_record
 from aug3d_core.store.seal import sealed
 
@@ -33,6 +34,7 @@ class Store:
         """Open or create the store; raises StoreError if the folder cannot be written."""
         self.root = root.resolve()
         try:
+            make_private(self.root)
             for name in (layout.OBJECTS, layout.WORK, layout.LOCKS, layout.FAILURES, layout.SCENES):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:

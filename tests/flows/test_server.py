@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import sqlite3
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 from contextlib import closing
 from pathlib import Path
@@ -23,10 +25,15 @@ from tests.tests_support import words_of
 pytestmark = pytest.mark.slow
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def home(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
     for name, value in local_environment(tmp_path / "home").items():
         monkeypatch.setenv(name, value)
     return tmp_path / "home"
@@ -34,14 +41,16 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def asked() -> int:
     """Ask the server for its flows, and return how many there are."""
-    address, headers = os.environ["PREFECT_API_URL"] + "/flows/count", {"Content-Type": "application/json"}
+    address, secret = os.environ["PREFECT_API_URL"] + "/flows/count", os.environ["PREFECT_API_AUTH_STRING"]
+    user = base64.b64encode(secret.encode()).decode()
+    headers = {"Content-Type": "application/json", "Authorization": f"Basic {user}"}
     with urllib.request.urlopen(urllib.request.Request(address, b"{}", headers)) as answer:
         return json.loads(answer.read())
 
 
 def servers() -> set[psutil.Process]:
     """Return the servers that this process has started: other tests may share one."""
-    return {child for child in psutil.Process().children() if "flows.server" in words_of(child)}
+    return {child for child in psutil.Process().children() if "flows.web" in words_of(child)}
 
 
 def listening_at() -> set[str]:
@@ -57,7 +66,7 @@ def test_it_serves_a_new_home_a_second_one_and_one_that_is_known(home: Path, tmp
         with prefect_server(again) as ready:
             assert ready(), "it is the run's own"
             assert asked() == 0 and listening_at() == {"127.0.0.1"}
-        assert "PREFECT_API_URL" not in os.environ
+        assert not {"PREFECT_API_URL", "PREFECT_API_AUTH_STRING"} & set(os.environ)
         with closing(sqlite3.connect(again / "prefect" / "prefect.db")) as opened:
             revisions.add(opened.execute("SELECT version_num FROM alembic_version").fetchone())
         assert again == home or not (again / "prefect" / "memo_store.toml").exists(), (
@@ -93,3 +102,64 @@ def test_a_server_that_the_user_named_is_left_alone(home: Path, monkeypatch: pyt
     with prefect_server(home) as ready:
         assert not ready()
     assert os.environ["PREFECT_API_URL"] == "http://127.0.0.1:1/api" and not home.exists()
+
+
+def test_nobody_without_its_token_is_let_in(home: Path) -> None:
+    with prefect_server(home) as ready:
+        ready()
+        address = os.environ["PREFECT_API_URL"] + "/flows/count"
+        for secret in ("", "Basic YWRtaW46", "Bearer " + "0" * 64):
+            request = urllib.request.Request(
+                address, b"{}", {"Content-Type": "application/json", "Authorization": secret}
+            )
+            with pytest.raises(urllib.error.HTTPError, match="401"):
+                urllib.request.urlopen(request)
+        [server] = servers()
+        assert os.environ["PREFECT_API_AUTH_STRING"].partition(":")[2] not in " ".join(words_of(server))
+
+
+def test_one_that_is_killed_is_started_again_and_no_request_is_refused(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with prefect_server(home) as ready:
+        ready()
+        [first] = servers()
+        asked()
+        first.kill()
+        first.wait()
+        assert asked() == 0, "a request that comes while it is away waits for the next one"
+        [second] = servers()
+        assert second.pid != first.pid and listening_at() == {"127.0.0.1"}
+    assert "started again" in capsys.readouterr().err
+    assert not servers()
+
+
+def test_one_that_cannot_be_started_again_ends_the_run_with_a_typed_error(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(StoreError, match="did not start"), prefect_server(home) as ready:
+        ready()
+        monkeypatch.setattr(sys, "executable", "/bin/false")
+        [first] = servers()
+        first.kill()
+        asked()
+
+
+@pytest.mark.parametrize("harm", ["damaged", "newer"])
+def test_a_database_that_cannot_be_used_is_set_aside(harm: str, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    database = home / "prefect" / "prefect.db"
+    database.parent.mkdir(parents=True)
+    if harm == "damaged":
+        database.write_bytes(b"no database, though as long as the header of one is: " * 100)
+    else:
+        with closing(sqlite3.connect(database)) as opened, opened:
+            opened.execute("CREATE TABLE alembic_version (version_num TEXT)")
+            opened.execute("INSERT INTO alembic_version VALUES ('ffffffffffff')")
+    before = database.read_bytes()
+    with prefect_server(home) as ready:
+        ready()
+        assert asked() == 0
+    [kept] = database.parent.glob(f"prefect.db.{harm}-*")
+    assert kept.read_bytes() == before
+    told = capsys.readouterr().err
+    assert harm in told and str(kept) in told and told.count("\n") == 1

@@ -17,7 +17,16 @@ from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.linux_process import SUPERVISED
 from flows import services
 from flows.preflight import check_servers
-from flows.services import MLFLOW, PASSWORD, PREFECT, WORKER, Serving, serving_from
+from flows.serving import (
+    MLFLOW,
+    PASSWORD,
+    PREFECT,
+    WORKER,
+    Serving,
+    check_password,
+    serving_from,
+    with_secret,
+)
 
 SECRET = "correct horse battery"
 
@@ -25,11 +34,11 @@ SECRET = "correct horse battery"
 @pytest.mark.parametrize("name", [PREFECT, MLFLOW, WORKER])
 def test_no_command_line_holds_a_secret(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_BACKEND_STORE_URI", f"postgresql://u:{SECRET}@h/d")
-    assert SECRET not in " ".join(services.command(name, Serving(tmp_path, password=SECRET)))
+    assert SECRET not in " ".join(services.command(name)) + repr(Serving(tmp_path, password=SECRET))
 
 
 def test_what_is_read_from_the_environment_is_what_was_written_there(tmp_path: Path) -> None:
-    serving = Serving(tmp_path, "0.0.0.0", 1234, 5678, SECRET)
+    serving = Serving(tmp_path, "0.0.0.0", 1234, 5678, SECRET, ("aug3d.example.org",))
     assert serving_from(serving.as_environment()) == serving
 
 
@@ -42,14 +51,39 @@ def test_an_address_that_others_reach_needs_a_password(host: str, tmp_path: Path
 
 
 def test_a_short_password_is_refused_without_being_shown(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="too short: 6 characters") as refused:
-        services.check_password(Serving(tmp_path, password="secret"))
+    with pytest.raises(UsageError, match="too poor: 6 characters") as refused:
+        check_password(Serving(tmp_path, password="secret"))
     assert "secret" not in str(refused.value)
+
+
+@pytest.mark.parametrize("password", [" " * 20, "\t \n" * 8, "  eleven char  ", "a" * 20, "abab" * 5])
+def test_a_password_of_spaces_or_of_one_letter_is_refused(password: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="too poor"):
+        serving_from(Serving(tmp_path, password=password).as_environment())
+
+
+def test_a_password_may_stand_in_a_file(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text(f"{SECRET}\n")
+    told = {f"{PASSWORD}_FILE": str(tmp_path / "secret"), "AUG3D_HOST": "0.0.0.0"}
+    assert serving_from(told).password == SECRET
+    with pytest.raises(UsageError, match=f"{PASSWORD}_FILE"):
+        serving_from({f"{PASSWORD}_FILE": str(tmp_path / "none")})
+
+
+def test_a_home_has_one_token_that_only_its_owner_reads(tmp_path: Path) -> None:
+    first = with_secret(Serving(tmp_path / "one"))
+    assert with_secret(Serving(tmp_path / "one")) == first != with_secret(Serving(tmp_path / "two"))
+    check_password(first)
+    [file] = first.folder.iterdir()
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600 and stat.S_IMODE(first.folder.stat().st_mode) == 0o700
+    file.write_text("torn")
+    assert len(with_secret(Serving(tmp_path / "one")).password) >= 64
+    assert with_secret(Serving(tmp_path / "one", password=SECRET)).password == SECRET
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])
 def test_this_machine_alone_needs_none(host: str, tmp_path: Path) -> None:
-    services.check_password(Serving(tmp_path, host))
+    check_password(Serving(tmp_path, host))
 
 
 def test_clients_get_the_password_and_where_they_find_the_servers(tmp_path: Path) -> None:
@@ -58,13 +92,11 @@ def test_clients_get_the_password_and_where_they_find_the_servers(tmp_path: Path
     assert made["PREFECT_API_AUTH_STRING"] == f"admin:{SECRET}" and made["MLFLOW_TRACKING_PASSWORD"] == SECRET
 
 
-def test_pages_of_other_sites_are_kept_out_of_both_servers(tmp_path: Path) -> None:
-    serving = Serving(tmp_path, prefect_port=1234, mlflow_port=5678)
-    allowed = services.settings(PREFECT, serving)["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"].split(",")
-    assert set(allowed) == {"http://127.0.0.1:1234", "http://localhost:1234", "http://[::1]:1234"}
-    made = services.settings(MLFLOW, serving)
-    assert "*" not in made["MLFLOW_SERVER_ALLOWED_HOSTS"] + made["MLFLOW_SERVER_CORS_ALLOWED_ORIGINS"]
-    assert "127.0.0.1:5678" in made["MLFLOW_SERVER_ALLOWED_HOSTS"].split(",")
+def test_the_door_knows_the_names_of_this_machine_and_of_the_proxy_alone(tmp_path: Path) -> None:
+    assert Serving(tmp_path).door(PREFECT).names == {"127.0.0.1", "localhost", "[::1]"}
+    named = Serving(tmp_path, "0.0.0.0", password=SECRET, names=("aug3d.example.org",)).door(MLFLOW)
+    assert {"127.0.0.1", "localhost", "aug3d.example.org"} <= named.names and named.healthy == "/health"
+    assert Serving(tmp_path, "192.0.2.7").door(MLFLOW).names == {"192.0.2.7"}
 
 
 def test_files_stay_on_a_disk_that_is_shared_and_go_through_the_server_where_none_is(
@@ -78,16 +110,15 @@ def test_files_stay_on_a_disk_that_is_shared_and_go_through_the_server_where_non
 
 def test_only_the_owner_reads_what_the_services_keep(tmp_path: Path) -> None:
     """The entry itself, told to become a Python that does nothing."""
-    serving = Serving(tmp_path, password=SECRET)
+    serving = Serving(tmp_path)
     become = (
-        "import flows.services as s; s.command = lambda *_: ['-c', '']; "
-        f"s._become({MLFLOW!r}, s.serving_from({serving.as_environment()!r}))"
+        "import flows.services as s; s.command = lambda _: ['-c', '']; "
+        f"s._become({PREFECT!r}, s.serving_from({serving.as_environment()!r}))"
     )
     subprocess.run([sys.executable, "-c", become], check=True, cwd=Path(__file__).parents[2])
     files = [serving.folder, *serving.folder.iterdir()]
-    assert len(files) == 3
+    assert [file.name for file in files] == ["services", "token"]
     assert all(not stat.S_IMODE(file.stat().st_mode) & 0o077 for file in files)
-    assert SECRET not in "".join(file.read_text() for file in files[1:])
 
 
 @pytest.mark.parametrize("words", [["nonsense"], ["check", "nonsense"], ["stop", PREFECT]])

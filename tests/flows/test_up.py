@@ -8,11 +8,9 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import psutil
@@ -22,9 +20,9 @@ from typer.testing import CliRunner
 
 from aug3d_core.run.errors import StoreError
 from flows.cli import app
-from flows.services import PASSWORD, WORKER, Serving
+from flows.serving import PASSWORD, WORKER, Serving
 from flows.supervisor import Supervised
-from flows.up import check_ports, check_that_password_is_taken
+from flows.up import check_ports
 from tests.tests_support import hear_signals
 
 # A worker that is ready at once, has a process of its own, and lives until it is killed.
@@ -47,7 +45,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 import typer
 from flows.refusal import typed_errors
-from flows.services import WORKER, Serving
+from flows.serving import WORKER, Serving
 from flows.supervisor import Stopped, Supervised, Supervisor, terminable
 def main(home: Path, worker: str):
     serving = Serving(home)
@@ -189,25 +187,3 @@ def test_ctrl_c_and_a_closed_terminal_end_the_worker_and_what_it_started(
         process.send_signal(number)
         assert process.wait(60) == code
     assert not any(lives(pid) for pid in families(tmp_path)[0])
-
-
-def test_a_server_that_keeps_another_password_is_told_with_both_ways_out(tmp_path: Path) -> None:
-    """Checked against a server that turns everybody away."""
-
-    class Closed(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(401)
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    with HTTPServer(("127.0.0.1", 0), Closed) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        serving = Serving(tmp_path, "127.0.0.1", server.server_port, server.server_port, "quite long enough")
-        with pytest.raises(StoreError, match="does not take the password") as refused:
-            check_that_password_is_taken(serving)
-        server.shutdown()
-        thread.join()
-    assert PASSWORD in refused.value.remedy and "delete" in refused.value.remedy

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +14,8 @@ import pytest
 import yaml
 
 from aug3d_core import __version__
-from flows.services import MLFLOW, PASSWORD, PREFECT, WORKER, serving_from, settings
+from flows.services import settings
+from flows.serving import MLFLOW, PREFECT, WORKER, secrets_read, serving_from
 
 ROOT = Path(__file__).parents[2]
 OURS = {"prefect": PREFECT, "mlflow": MLFLOW, "worker": WORKER, "worker-gpu": WORKER}
@@ -48,17 +51,49 @@ def test_our_services_are_started_and_checked_as_aug3d_up_does_it(name: str, ser
     assert services[name]["healthcheck"]["test"] == ["CMD", *entry, "check", OURS[name]]
 
 
+@pytest.fixture(scope="module")
+def made_secrets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run the script that makes the secrets, twice, in a copy; return their folder."""
+    copy = tmp_path_factory.mktemp("copy")
+    (copy / "infra").mkdir()
+    shutil.copy(ROOT / "infra" / "make_secrets.py", copy / "infra")
+    for _ in range(2):
+        subprocess.run([sys.executable, copy / "infra" / "make_secrets.py"], check=True, stdout=subprocess.DEVNULL)
+    return copy / "secrets"
+
+
 @pytest.mark.parametrize("name", OURS)
-def test_what_compose_sets_is_what_the_services_read(name: str, services: dict[str, Any]) -> None:
-    values = {**known_variables(), PASSWORD: "quite long enough", "POSTGRES_PASSWORD": "abc"}
-    environment = {key: filled_in(value, values) for key, value in services[name]["environment"].items()}
+def test_what_compose_sets_is_what_the_services_read(name: str, services: dict[str, Any], made_secrets: Path) -> None:
+    environment = {key: filled_in(value, known_variables()) for key, value in services[name]["environment"].items()}
+    mounted = {f"/run/secrets/{secret}": made_secrets / secret for secret in services[name]["secrets"]}
+    environment = {key: str(mounted.get(value, value)) for key, value in environment.items()}
     serving = serving_from(environment)  # refuses an open door without a password
     assert serving.host == "0.0.0.0" and (serving.prefect_port, serving.mlflow_port) == (4200, 5000)
     if OURS[name] == WORKER:
         made = {**settings(WORKER, serving), **environment}
         assert made["PREFECT_API_URL"] == "http://prefect:4200/api"
         assert made["MLFLOW_TRACKING_URI"] == "http://mlflow:5000"
-        assert made["MLFLOW_TRACKING_PASSWORD"] == "quite long enough"
+        assert made["MLFLOW_TRACKING_PASSWORD"] == (made_secrets / "aug3d_password").read_text()
+    else:
+        [address] = [
+            value for key, value in secrets_read(environment).items() if f"{key}_FILE" in environment and "://" in value
+        ]
+        assert (made_secrets / "postgres_password").read_text() in address
+
+
+def test_only_its_owner_enters_the_folder_of_secrets_and_what_belongs_together_agrees(made_secrets: Path) -> None:
+    assert made_secrets.stat().st_mode & 0o077 == 0
+    [identity] = json.loads((made_secrets / "s3.json").read_text())["identities"]
+    credentials = (made_secrets / "s3_credentials").read_text()
+    assert all(value in credentials for value in identity["credentials"][0].values())
+
+
+def test_every_service_gives_its_rights_away_and_cannot_write_its_image(services: dict[str, Any]) -> None:
+    for name, service in services.items():
+        assert service["cap_drop"] == ["ALL"] and service["read_only"] is True, name
+        assert service["security_opt"] == ["no-new-privileges:true"] and "privileged" not in service, name
+        assert any(place.startswith("/tmp") for place in service["tmpfs"]), name
+        assert set(service.get("cap_add", [])) <= {"CHOWN", "DAC_OVERRIDE", "FOWNER", "SETGID", "SETUID"}, name
 
 
 def test_only_the_pages_are_published_and_only_on_this_machine(services: dict[str, Any]) -> None:
@@ -85,13 +120,19 @@ def test_services_wait_for_the_health_of_what_they_need(services: dict[str, Any]
                 assert services[needed]["restart"] == "on-failure"
 
 
-def test_no_secret_is_in_the_files_and_each_has_its_place_in_the_example() -> None:
+def test_secrets_are_files_alone(services: dict[str, Any], made_secrets: Path) -> None:
     text = (ROOT / "docker-compose.yml").read_text()
     assert set(re.findall(r"\$\{(\w+)", text)) | {"COMPOSE_PROFILES"} == set(known_variables())
-    for secret in (PASSWORD, "POSTGRES_PASSWORD", "S3_ACCESS_KEY", "S3_SECRET_KEY"):
-        assert known_variables()[secret] == ""
-        assert f"${{{secret}:?" in text and f"${{{secret}:-" not in text  # compose stops where one is missing
-    assert ".env" in (ROOT / ".gitignore").read_text().splitlines()
+    assert not [name for name in known_variables() if re.search("PASSWORD|SECRET|KEY", name)]
+    files = yaml.safe_load(text)["secrets"]
+    assert {name: f"secrets/{name}" for name in files} == {name: one["file"] for name, one in files.items()}
+    assert set(files) == {file.name for file in made_secrets.iterdir()}
+    assert set(files) == {secret for service in services.values() for secret in service.get("secrets", [])}
+    for name, service in services.items():
+        words = [str(word) for word in (*service.get("command", []), *service.get("environment", {}).values())]
+        used = {found for word in words for found in re.findall(r"/run/secrets/([\w.]+)", word)}
+        assert used == set(service.get("secrets", [])), name
+    assert {".env", "/secrets/"} <= set((ROOT / ".gitignore").read_text().splitlines())
 
 
 def test_our_image_runs_as_a_user_without_rights_and_holds_what_it_copies(services: dict[str, Any]) -> None:

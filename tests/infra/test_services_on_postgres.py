@@ -23,7 +23,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flows.cli import app
-from flows.services import PASSWORD
+from flows.serving import PASSWORD
 from tests.infra.postgres import Postgres, free_port
 from tests.tests_support import hear_signals, words_of
 
@@ -88,7 +88,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     prefect, mlflow = free_port(), free_port()
     worker = [str(Path(__file__).with_name("a_worker.py")), str(wishes)]
     code = (
-        "import os\nfrom pathlib import Path\nfrom flows.services import Serving\n"
+        "import os\nfrom pathlib import Path\nfrom flows.serving import Serving\n"
         "from flows.up import serve\n"
         f"serve(Serving(Path({str(home)!r}), '127.0.0.1', {prefect}, {mlflow}, os.environ[{PASSWORD!r}]), True, {worker})"
     )
@@ -155,7 +155,7 @@ def test_postgresql_is_killed_and_comes_back(running: Running) -> None:
 
 
 def test_both_servers_and_the_worker_are_killed_and_come_back(running: Running) -> None:
-    services = (("prefect", "server"), ("uvicorn",), (str(running.wishes),))
+    services = (("flows.web", "prefect"), ("flows.web", "mlflow"), (str(running.wishes),))
     for process in [running.process(*words) for words in services]:
         process.kill()
     wish(running, "third")
@@ -164,7 +164,7 @@ def test_both_servers_and_the_worker_are_killed_and_come_back(running: Running) 
 
 def test_ctrl_c_ends_everything(running: Running) -> None:
     family = psutil.Process(running.up.pid).children(recursive=True)
-    assert len(family) >= 4
+    assert len(family) >= 3
     running.up.send_signal(signal.SIGINT)
     running.up.wait(60)
     assert not [member for member in family if member.is_running() and member.status() != psutil.STATUS_ZOMBIE]

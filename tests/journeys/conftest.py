@@ -35,8 +35,8 @@ def served(own_environment: None, tmp_path_factory: pytest.TempPathFactory) -> I
             for name, value in local_environment(home).items():
                 patch.setenv(name, value)
             stack.enter_context(prefect_server(home))()
-            address = os.environ.pop("PREFECT_API_URL")
-        yield {**os.environ, "PREFECT_API_URL": address}
+            own = {name: os.environ.pop(name) for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING")}
+        yield {**os.environ, **own}
 
 
 @pytest.fixture(scope="session")

@@ -59,7 +59,8 @@ def pages(own_environment: None, home: Path) -> Iterator[dict[str, str]]:
         )
         wait(lambda: "ready after" in (home / "up.log").read_text() or up.poll() is not None, 180, "aug3d up is ready")
         assert up.poll() is None, (home / "up.log").read_text()
-        yield {"prefect": f"http://127.0.0.1:{ports[0]}", "mlflow": f"http://127.0.0.1:{ports[1]}", "pid": str(up.pid)}
+        addresses = {"prefect": f"http://127.0.0.1:{ports[0]}", "mlflow": f"http://127.0.0.1:{ports[1]}"}
+        yield {**addresses, "pid": str(up.pid), "token": (home / "services" / "token").read_text()}
         family = psutil.Process(up.pid).children(recursive=True)
         up.send_signal(signal.SIGINT)
         assert up.wait(60) in (0, 130)
@@ -75,9 +76,10 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def page(browser: Browser) -> Iterator[Page]:
+def page(browser: Browser, pages: dict[str, str]) -> Iterator[Page]:
     page = browser.new_page(viewport={"width": 1366, "height": 900})
     page.set_default_timeout(60_000)
+    page.goto(f"{pages['prefect']}/?token={pages['token']}")  # signs in to both
     yield page
     page.close()
 
@@ -151,9 +153,9 @@ def test_nonsense_through_the_api_is_refused(pages: dict[str, str]) -> None:
 
 def test_two_runs_are_compared_in_mlflow(pages: dict[str, str], page: Page) -> None:
     address = pages["mlflow"]
-    experiment = ask_mlflow(address, "experiments/get-by-name?experiment_name=town")["experiment"]["experiment_id"]
+    experiment = ask_mlflow(pages, "experiments/get-by-name?experiment_name=town")["experiment"]["experiment_id"]
     query = {"experiment_ids": [experiment], "filter": "attributes.status = 'FINISHED'"}
-    runs = ask_mlflow(address, "runs/search", query)["runs"]
+    runs = ask_mlflow(pages, "runs/search", query)["runs"]
     parents = [r["info"] for r in runs if all(t["key"] != "mlflow.parentRunId" for t in r["data"]["tags"])]
     assert len(parents) == 2
     chosen = json.dumps([info["run_id"] for info in parents])
@@ -276,20 +278,21 @@ def artifacts_of(pages: dict[str, str], run: dict[str, Any]) -> list[dict[str, A
 
 
 def ask(pages: dict[str, str], path: str, question: dict[str, Any]) -> Any:
-    return post(f"{pages['prefect']}/api/{path}", question)
+    return post(f"{pages['prefect']}/api/{path}", question, pages["token"])
 
 
-def ask_mlflow(address: str, path: str, question: dict[str, Any] | None = None) -> Any:
-    return post(f"{address}/api/2.0/mlflow/{path}", question)
+def ask_mlflow(pages: dict[str, str], path: str, question: dict[str, Any] | None = None) -> Any:
+    return post(f"{pages['mlflow']}/api/2.0/mlflow/{path}", question, pages["token"])
 
 
-def post(address: str, question: dict[str, Any] | None) -> Any:
+def post(address: str, question: dict[str, Any] | None, token: str) -> Any:
     """Ask a server, by GET without a question; raises OSError with its refusal. One that is busy (503) is asked again."""
     body = None if question is None else json.dumps(question).encode()
+    headers = {"content-type": "application/json", "authorization": f"Bearer {token}"}
     until = time.monotonic() + 60
     while True:
         try:
-            with urlopen(Request(address, body, {"content-type": "application/json"}), timeout=60) as answer:
+            with urlopen(Request(address, body, headers), timeout=60) as answer:
                 return json.load(answer)
         except HTTPError as refusal:
             if refusal.code != 503 or time.monotonic() > until:
