@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from aug3d_core.run.errors import InputError
+
 _NUMBERS = itertools.count()
 
 
@@ -88,6 +90,12 @@ class OnDisk:
     def _view(self, view: int) -> np.ndarray:
         found = self._cache.get(self._number, view)
         if found is None:
-            found = np.asarray(self._array[view])
+            try:
+                found = np.asarray(self._array[view])
+            except (RuntimeError, ValueError, OSError) as error:
+                where = f"view {view} of {self._array.store_path}"
+                raise InputError(
+                    f"{where} is damaged ({error})", "make the data set again: aug3d verify --repair"
+                ) from error
             self._cache.put(self._number, view, found)
         return found

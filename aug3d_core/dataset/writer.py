@@ -1,7 +1,8 @@
 """Write a scene as a Zarr v3 store: one view is one chunk, `shard_views` views are one file, one process writes.
 
 The attributes are written last, so that a store cut short has none and is refused; they hold a digest of every array's
-values, so that a lost or damaged chunk is found (Zarr itself would answer zeros).
+values, so that a lost chunk is found (Zarr itself would answer zeros). Each chunk carries a checksum: one that is damaged
+while training reads it is refused.
 """
 
 from __future__ import annotations
@@ -65,7 +66,12 @@ def _write_array(root: zarr.Group, name: str, values: np.ndarray, shard_views: i
     chunks = (1, *values.shape[1:]) if per_view else tuple(max(1, n) for n in values.shape)
     shards = (shard_views, *values.shape[1:]) if per_view else None
     array = root.create_array(
-        name, shape=values.shape, dtype=values.dtype, chunks=chunks, shards=shards, compressors=ZstdCodec(level=3)
+        name,
+        shape=values.shape,
+        dtype=values.dtype,
+        chunks=chunks,
+        shards=shards,
+        compressors=ZstdCodec(level=3, checksum=True),
     )
     if values.size:
         array[...] = values

@@ -1,10 +1,12 @@
-"""Training state on disk. Nothing is read in a way that could run code."""
+"""Training state on disk, with its digest at the end of each file. Nothing is read in a way that could run code."""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import pickle
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import torch
 
@@ -12,8 +14,24 @@ from aug3d_core.run.atomic_file import replacing
 from aug3d_core.run.errors import InputError
 from aug3d_core.training.divergence import WINDOW
 
+_DIGEST_BYTES = hashlib.sha256().digest_size
 STATE = "state-{:08d}.pt"
 KEPT = 4  # windows: trouble is seen up to two after it began, and a second restart goes further back
+
+
+class _Digested:
+    """A file to write to, which digests what passes."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.sha256 = hashlib.sha256()
+
+    def write(self, data: bytes | memoryview) -> int:
+        self.sha256.update(data)
+        return self._file.write(data)
+
+    def flush(self) -> None:
+        self._file.flush()
 
 
 def save_state(folder: Path, step: int, state: dict[str, Any]) -> None:
@@ -21,7 +39,9 @@ def save_state(folder: Path, step: int, state: dict[str, Any]) -> None:
     folder.mkdir(exist_ok=True)
     path = folder / STATE.format(step)
     with replacing(path, path.with_suffix(".partial")) as file:
-        torch.save(state, file)
+        digested = _Digested(file)
+        torch.save(state, digested)  # pyright: ignore[reportArgumentType]  # it calls write and flush alone
+        file.write(digested.sha256.digest())
     for old in _superfluous(saved_steps(folder)):
         (folder / STATE.format(old)).unlink()
 
@@ -35,7 +55,10 @@ def load_state(folder: Path, step: int) -> dict[str, Any]:
     """Read a training state; raises InputError if it is damaged."""
     path = folder / STATE.format(step)
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        content = path.read_bytes()
+        if hashlib.sha256(content[:-_DIGEST_BYTES]).digest() != content[-_DIGEST_BYTES:]:
+            raise ValueError("it is not what was written")
+        return torch.load(io.BytesIO(content[:-_DIGEST_BYTES]), map_location="cpu", weights_only=True)
     except (RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(

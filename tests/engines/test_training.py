@@ -104,6 +104,19 @@ def test_a_corrupt_checkpoint_is_refused(tmp_path, size):
         load_state(tmp_path, 5)
 
 
+def test_one_changed_bit_anywhere_in_a_checkpoint_is_seen(tmp_path):
+    save_state(tmp_path, 5, {"history": [1.0] * 10, "weights": torch.rand(20)})
+    path = tmp_path / STATE.format(5)
+    whole = path.read_bytes()
+    assert torch.equal(load_state(tmp_path, 5)["weights"], load_state(tmp_path, 5)["weights"])
+    for bit in range(0, 8 * len(whole), 101):
+        content = bytearray(whole)
+        content[bit // 8] ^= 1 << (bit % 8)
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"checkpoint state-00000005\.pt is damaged"):
+            load_state(tmp_path, 5)
+
+
 class Bomb:
     """What a hostile checkpoint could hold: code that runs when it is unpickled."""
 
