@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 # One process more than cores (tests/processes.py): tests wait for servers half of their time
 SHARED := -n auto --maxprocesses 4
 
-.PHONY: demo test check setup clean
+.PHONY: demo test check attack setup clean
 
 demo: $(READY)  ## the whole factory on the built-in town
 	@$(VENV)/bin/aug3d demo
@@ -16,6 +16,9 @@ test: $(READY)  ## the whole test suite, with the real engines
 
 check: $(READY)  ## lint, types and the quick tests, for daily work
 	@$(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright && $(PY) -m pytest -m "not slow" -q $(SHARED)
+
+attack: $(READY)  ## kills, full disks, flipped bits, malformed input: what is in tests/attack
+	@$(PY) -m pytest -m attack -n 0
 
 setup: $(READY)  ## install only
 

@@ -175,7 +175,7 @@ def _bench(
     from aug3d_core.bench.machine import describe_machine
     from aug3d_core.studies.common.trial import Measured
 
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         console = Console(stderr=True)
         scene = Measured(preset, tuple(overrides))
         scene.config()  # a wrong setting is told before anything is measured

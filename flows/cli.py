@@ -71,7 +71,7 @@ def demo(
     home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False, dry_run: DryRun = False
 ) -> None:
     """Run the whole factory on the built-in town: minutes on 2 cores. A second time nothing is computed again."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         _run("demo", Material(), home, preset, set_, as_json, dry_run)
 
 
@@ -95,7 +95,7 @@ def run(
 
     Killed half way? Run the same command again: finished stages are not computed twice.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         check_scene_name(scene)
         if not photos.is_dir():
             what = "is a file, not a folder" if photos.exists() else "does not exist"
@@ -109,7 +109,7 @@ def show(
     scene: Annotated[str, typer.Argument(help="Name of the scene.")], home: Home = DEFAULT_HOME, as_json: AsJson = False
 ) -> None:
     """Show what exists of a scene, what it cost, how good it is, and where the report is."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         tell_of_damage(store, scene)
         metrics = last_version(store, scene)
@@ -134,7 +134,7 @@ def export_scene(
         export,
     )
 
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         with store.using():
             version = last_version(store, scene)

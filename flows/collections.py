@@ -76,7 +76,7 @@ def add(
 
     Scenes are those of the registry: aug3d scenes add.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         check_scene_name(name)
         _check_scenes(store, [*train, *hold_out])
@@ -106,7 +106,7 @@ def add(
 @collections.command("list")
 def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
     """List collections, their parts and their last version. A file with a mistake is told, not hidden."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         facts = [_facts(store, name, entry) for name, entry in COLLECTIONS.read_each(store).items()]
         if as_json:
@@ -134,7 +134,7 @@ def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
 @collections.command("show")
 def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
     """Show a collection's parts, and how good its newest model is on each scene."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         entry = COLLECTIONS.read(store, name)
         found = versions(store, name)
@@ -159,7 +159,7 @@ def remove(
     as_json: AsJson = False,
 ) -> None:
     """Remove a collection's file. Its versions, its scenes and all that was made stay."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         file = COLLECTIONS.file(store, name)
         if not yes:
@@ -176,7 +176,7 @@ def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
 
     Killed half way? Run the same command again. Exit code 3: a scene could not be made, or the model is not published.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         COLLECTIONS.read(store, name)  # a mistake in the file is told before anything is started
         limits_from(os.environ)
@@ -219,7 +219,7 @@ def export(
 
     Views are cropped around their centre and shrunk to --size; they never grow.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         from aug3d_core.dataset.files import SCENE_ZARR
         from aug3d_core.dataset.on_disk import Cache
         from aug3d_core.dataset.reader import read
@@ -262,7 +262,7 @@ def towns(
 
     They differ in plan, buildings, terrain, trees, season, sun, camera, height and flight. Town 7 is the same in 10 as in 100.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store, console, made = Store(home), Console(stderr=as_json), []
         width_px = scene_config(preset).dataset.width_px
         with store.using(), console.status("") if console.is_terminal else nullcontext() as status:

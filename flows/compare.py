@@ -51,7 +51,7 @@ def compare_runs(
 
     The first run is what the others are compared with: aug3d compare town@published town.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         if not 2 <= len(runs) <= len(ascii_uppercase):
             raise UsageError(
                 f"{len(runs)} run to compare" if len(runs) == 1 else f"{len(runs)} runs are too many",

@@ -19,6 +19,7 @@ from aug3d_core.metrics.comparison import Comparison, compare, side
 from aug3d_core.metrics.scene_metrics import scene_metrics
 from aug3d_core.report.scene_report import write_report
 from aug3d_core.run.errors import Aug3dError
+from aug3d_core.run.full_disk import disk_full
 from aug3d_core.store import layout
 from aug3d_core.store.changes import why_made
 from aug3d_core.store.code_version import code_version
@@ -79,7 +80,11 @@ def make_version(
             progress.finished(visit)
             artifacts.publish(store, visit)
     except Aug3dError as error:
-        _conclude(store, scene, preset, made, before, time.monotonic() - started, error)
+        try:
+            _conclude(store, scene, preset, made, before, time.monotonic() - started, error)
+        except Exception as second:
+            if not disk_full(second):  # what filled the disk for the stage leaves no room for a report of it
+                raise
         raise
     return _conclude(store, scene, preset, made, before, time.monotonic() - started, None)
 

@@ -46,7 +46,7 @@ def gc(
 
     Each scene keeps its published version, its newest ones and the newest that did not fail. Predictions go: --out kept them.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         if scene is not None:
             check_scene_name(scene)

@@ -73,7 +73,7 @@ def predict(
 
     With --photos: finds the poses of a folder of photographs, and predicts some from the others and a flight, in minutes.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         if (scene is None) == (photos is None):
             raise UsageError("predict takes a scene, or --photos DIR", "give one of them")
         if photos is not None:

@@ -74,7 +74,7 @@ def add_scene(
     as_json: AsJson = False,
 ) -> None:
     """Put a scene into the registry: one commented file that you can edit. Nothing is made yet."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         _check_photos(photos, town)
         entry = _checked(
             SceneEntry,
@@ -99,7 +99,7 @@ def add_scene(
 @scenes.command("list")
 def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
     """List every scene: photographs, schedule, last and published version. A file with a mistake is told, not hidden."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         facts = [scene_facts(store, scene, entry) for scene, entry in read_each(store).items()]
         others = sorted(set(made_scenes(store)) - {fact["scene"] for fact in facts})
@@ -112,7 +112,7 @@ def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
 @scenes.command("show")
 def show_scene(scene: Scene, home: Home = HOME, as_json: AsJson = False) -> None:
     """Show what the registry says of a scene, the settings that differ from the preset's, and its versions."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         facts = {"file": str(scene_file(store, scene)), **scene_facts(store, scene, read_scene(store, scene))}
         if as_json:
@@ -129,7 +129,7 @@ def drop_scene(
     as_json: AsJson = False,
 ) -> None:
     """Remove a scene from the registry. Its versions, and all that was made for them, stay."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         store = Store(home)
         file = scene_file(store, scene)
         kept = len(versions(store, scene))
@@ -161,7 +161,7 @@ def schedule_scene(
     as_json: AsJson = False,
 ) -> None:
     """Change when a scene is made again by itself. The rest of its file, comments too, stays as it is."""
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         changed = _any(cron, every, timezone)
         if [changed, off, pause is not None].count(True) != 1:
             raise UsageError(

@@ -113,7 +113,7 @@ def _study(
     from aug3d_core.studies.paper.scene import open_finished
     from aug3d_core.studies.paper.tables import make_table
 
-    with typed_errors(as_json), using(home) as store:
+    with typed_errors(as_json, home), using(home) as store:
         opened = study_effort(open_finished(store, scene, preset), quick, overrides)
         table, runs, console = fitting(table_of(quick), opened.settings), repeats(seeds, quick), Console(stderr=True)
         watch = Watch(console, len(table.arms) * runs * opened.folds, _outcome)

@@ -40,7 +40,7 @@ def study_generalisation(
     from aug3d_core.studies.generalisation.findings import findings
     from aug3d_core.studies.generalisation.page import publication
 
-    with typed_errors(as_json), using(home) as store:
+    with typed_errors(as_json, home), using(home) as store:
         entry = COLLECTIONS.read(store, collection)
         if unknown := [name for name in head if name not in names()]:
             raise UsageError(f"there is no head {unknown[0]!r}", f"choose of {', '.join(names())}")

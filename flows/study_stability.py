@@ -42,7 +42,7 @@ def study_stability(
     from aug3d_core.studies.stability.findings import findings
     from aug3d_core.studies.stability.page import publication
 
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         runs, console = 1 if quick else seeds, Console(stderr=True)
         cells = cells_of(chosen(only, quick), runs, quick)
         watch = Watch(console, len(cells), _outcome)

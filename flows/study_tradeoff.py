@@ -67,7 +67,7 @@ def study_tradeoff(
     from aug3d_core.studies.tradeoff.scene import open_studied
     from aug3d_core.studies.tradeoff.study import study_scene
 
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         machine, data, crashed, console = describe_machine(), [], 0, Console(stderr=True)
         with using(home) as store:
             opened = [open_studied(store, name, preset).with_settings(set_) for name in dict.fromkeys(scenes)]

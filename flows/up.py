@@ -58,7 +58,7 @@ def up(
     A service that dies is started again. Nothing is open to others: the pages ask for the password, or for a token that the
     address printed here brings along; a browser that was signed in stays so. See also --host.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         os.environ.update(secrets_read(os.environ))
         password, names = os.environ.get(PASSWORD, ""), names_in(os.environ)
         serving = Serving(home.resolve(), host, prefect_port, mlflow_port, password, names)

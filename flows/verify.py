@@ -38,7 +38,7 @@ def verify(
 
     Disks lose bits without a word, and a file's size and time tell nothing. Exit code 3: something is damaged.
     """
-    with typed_errors(as_json):
+    with typed_errors(as_json, home):
         console, store, started = Console(stderr=as_json), Store(home), time.monotonic()
         with store.using():
             items = items_of(store, scene)

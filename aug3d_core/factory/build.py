@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from aug3d_core.factory.material import Source
-from aug3d_core.run.atomic_file import disk_full, write_synced
+from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import EARLIER, JOB, OUTCOME, PROGRESS
+from aug3d_core.run.full_disk import disk_full, disk_remedy
 from aug3d_core.run.process import run_isolated
 from aug3d_core.run.progress import on_the_side
 from aug3d_core.run.stage import Outcome, Progress, Stage, StageConfig
@@ -159,12 +160,11 @@ def _link_earlier(earlier: list[Path], work: Path) -> Path:
 
 
 def _disk_failure(store: Store, stage: Stage, error: OSError) -> StageFailed:
-    free_mib = shutil.disk_usage(store.root).free / 2**20
     return StageFailed(
         stage.name,
         "disk",
         f"no space left on the disk of {store.root}: {error}",
-        f"free some space (now {free_mib:.0f} MiB free) or choose another disk with --home DIR, then run again",
+        disk_remedy(store.root),
         log_tail="",
         replay="",
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,19 +16,18 @@ def replacing(path: Path, part: Path) -> Iterator[BinaryIO]:
     After a kill or a power cut `path` is as before or whole: a rename may reach the disk before the bytes do, unless they are
     synced first.
     """
-    with part.open("wb") as file:
-        yield file
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
+    try:
+        with part.open("wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)  # the disk may be full of it
+        raise
 
 
 def write_synced(path: Path, content: bytes) -> None:
     """Write a small file so that it is either old or new after a crash, never half."""
     with replacing(path, path.with_name(f".{path.name}.{os.getpid()}")) as file:
         file.write(content)
-
-
-def disk_full(error: OSError) -> bool:
-    """Say whether an error means that nothing more can be written."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT)

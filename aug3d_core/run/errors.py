@@ -27,6 +27,10 @@ class StoreError(Aug3dError):
     """The store cannot be opened, read or written."""
 
 
+class DiskFull(StoreError):
+    """A disk has no room left for what is to be written; nothing that was finished is lost."""
+
+
 class StageFailed(Aug3dError):
     """A stage ended without an output.
 

@@ -22,6 +22,7 @@ import psutil
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME, PROGRESS, SPENT
 from aug3d_core.run.fork_server import start
+from aug3d_core.run.full_disk import NO_ROOM_BYTES, disk_remedy, free_bytes, says_disk_full
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, Limits, limits_from
 from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.memory_meter import MemoryMeter
@@ -30,7 +31,6 @@ from aug3d_core.run.stage import Progress, Stage
 _POLL_S = 0.1
 _SAVE_S = 1.0  # of the cost so far
 _LOG_LINES = 15
-_DISK_FULL_BYTES = 8 * 2**20
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,35 @@ def run_isolated(stage: Stage, folder: Path, progress: Progress) -> Cost:
         (folder / stale).unlink(missing_ok=True)
     environment = {**QUIET_THREADS, **os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"}
     process = start(stage.package, folder / JOB, folder / LOG, environment)
-    earlier, started = _spent(folder), time.monotonic()
+    earlier, started, room = _spent(folder), time.monotonic(), _Room(folder)
+    saved_s = 0.0
+
+    def look(now: Cost) -> None:
+        nonlocal saved_s
+        room.look()
+        if now.seconds - saved_s > _SAVE_S:
+            _save(now.after(earlier), folder)
+            saved_s = now.seconds
+
     try:
-        cost, verdict = _watch(
-            process, limits, folder, started, progress, lambda now: _save(now.after(earlier), folder)
-        )
+        cost, verdict = _watch(process, limits, folder, started, progress, look)
     finally:
         _kill_group(process)
     if verdict is None and process.wait() == 0 and (folder / OUTCOME).exists():
         (folder / SPENT).unlink(missing_ok=True)
         return cost.after(earlier)
-    raise _failure(stage, folder, process.wait() or 0, verdict)
+    raise _failure(stage, folder, process.wait() or 0, verdict, room)
+
+
+class _Room:
+    """The least that was free on a disk while a job ran: its temporary files, which filled it, may be gone at its end."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.least_bytes = free_bytes(folder)
+
+    def look(self) -> None:
+        self.least_bytes = min(self.least_bytes, free_bytes(self.folder))
 
 
 def _spent(folder: Path) -> Cost:
@@ -98,21 +116,22 @@ def _save(cost: Cost, folder: Path) -> None:
 
 
 def _watch(
-    process: Popen, limits: Limits, folder: Path, started: float, progress: Progress, save: Callable[[Cost], None]
+    process: Popen, limits: Limits, folder: Path, started: float, progress: Progress, look: Callable[[Cost], None]
 ) -> tuple[Cost, tuple[str, str] | None]:
-    """Wait for the end; return the cost and, if the job was stopped from here, (cause, problem)."""
+    """Wait for the end; return the cost and, if the job was stopped from here, (cause, problem).
+
+    `look(cost so far)` is called again and again.
+    """
     meter = MemoryMeter(limits.mib * 2**20)
     report = _progress_reader(folder, progress)
-    cost, saved_s = Cost(0.0, 0.0, 0.0), 0.0
+    cost = Cost(0.0, 0.0, 0.0)
     while process.poll() is None:
         job = _processes(process.pid)
         meter.look(job)
         seconds = time.monotonic() - started
         cost = Cost(seconds, max(cost.cpu_seconds, _cpu_seconds(job)), meter.peak_bytes / 2**20)
         report()
-        if cost.seconds - saved_s > _SAVE_S:
-            save(cost)
-            saved_s = cost.seconds
+        look(cost)
         if cost.seconds > limits.seconds:
             return cost, ("timeout", f"it ran longer than {limits.seconds:.0f} s")
         if cost.peak_mib > limits.mib:
@@ -162,16 +181,13 @@ def _kill_group(process: Popen) -> None:
     process.wait()
 
 
-def _failure(stage: Stage, folder: Path, returncode: int, verdict: tuple[str, str] | None) -> StageFailed:
+def _failure(stage: Stage, folder: Path, returncode: int, verdict: tuple[str, str] | None, room: _Room) -> StageFailed:
     cause, problem, remedy = _diagnose(folder, returncode, verdict)
-    free = psutil.disk_usage(str(folder)).free
-    if cause != "disk" and verdict is None and free < _DISK_FULL_BYTES:
-        cause, problem = "disk", f"no space left on the disk of {folder}"
-    if cause == "disk":
-        remedy = (
-            f"free some space (now {free / 2**20:.0f} MiB free) or choose another disk with --home DIR, then run again"
-        )
     tail = log_tail(folder / LOG)
+    no_room = room.least_bytes < NO_ROOM_BYTES or says_disk_full(tail.rpartition("\n")[2])
+    if cause == "disk" or (cause in ("error", "crash", "killed") and no_room):
+        cause, remedy = "disk", disk_remedy(folder)
+        problem = f"no space left on the disk of {folder}, where it had written {_mib_under(folder)} MiB: {problem}"
     replay = f"{sys.executable} -m {stage.package} {folder / JOB}"
     return StageFailed(stage.name, cause, problem, remedy, tail, replay)
 
@@ -200,6 +216,14 @@ def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) ->
             "run the replay command to see it again; the log has a stack",
         )
     return "error", f"it ended with exit code {returncode} and no result", "read the log, then run the replay command"
+
+
+def _mib_under(folder: Path) -> int:
+    written = 0
+    for path in folder.rglob("*"):
+        with suppress(OSError):
+            written += path.lstat().st_size
+    return round(written / 2**20)
 
 
 def log_tail(log: Path) -> str:

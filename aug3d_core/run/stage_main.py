@@ -11,14 +11,16 @@ import os
 import sys
 import time
 import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import get_type_hints
 
 from pydantic import BaseModel
 
-from aug3d_core.run.atomic_file import disk_full, write_synced
+from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.run.files import ERROR, FILES, OUTCOME, PROGRESS
+from aug3d_core.run.full_disk import disk_full
 from aug3d_core.run.linux_process import SUPERVISED, call_this_process, die_with_parent
 from aug3d_core.run.stage import stage_function
 
@@ -47,7 +49,8 @@ def main() -> None:
         run_job(Job.model_validate_json(job_file.read_bytes()), job_file.parent)
     except Exception as error:
         traceback.print_exc()
-        write_synced(job_file.parent / ERROR, json.dumps(_described(error)).encode())
+        with suppress(OSError):  # a full disk: the factory sees that there is no room
+            write_synced(job_file.parent / ERROR, json.dumps(_described(error)).encode())
         sys.exit(1)
 
 
@@ -63,10 +66,10 @@ def run_job(job: Job, folder: Path) -> None:
 
 
 def _described(error: Exception) -> dict[str, str]:
+    if disk_full(error):
+        return {"cause": "disk", "problem": str(error), "remedy": ""}
     if isinstance(error, Aug3dError):
         return {"cause": "refused", "problem": error.problem, "remedy": error.remedy}
-    if isinstance(error, OSError) and disk_full(error):
-        return {"cause": "disk", "problem": str(error), "remedy": ""}
     if isinstance(error, MemoryError):
         return {"cause": "memory", "problem": "out of memory", "remedy": "use a smaller preset or fewer photographs"}
     return {
@@ -85,7 +88,8 @@ def _progress_writer(folder: Path):
         if now - last >= _PROGRESS_PERIOD_S or done >= total:
             last = now
             temporary = folder / f".{PROGRESS}"
-            temporary.write_text(json.dumps({"done": done, "total": total, "what": what}))
-            temporary.replace(folder / PROGRESS)
+            with suppress(OSError):  # a full disk ends the work itself
+                temporary.write_text(json.dumps({"done": done, "total": total, "what": what}))
+                temporary.replace(folder / PROGRESS)
 
     return progress

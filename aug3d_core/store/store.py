@@ -16,9 +16,10 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from aug3d_core.run.atomic_file import disk_full, write_synced
+from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import ERROR, FILES, JOB, LOG
+from aug3d_core.run.full_disk import disk_failure, disk_full
 from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, sha256_of, unreadable
@@ -38,6 +39,8 @@ class Store:
             for name in (layout.OBJECTS, layout.WORK, layout.LOCKS, layout.FAILURES, layout.SCENES):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
+            if disk_full(error):
+                raise disk_failure(self.root, str(error)) from error
             raise StoreError(
                 f"the store {self.root} cannot be opened: {error.strerror}",
                 "choose a folder that you can write with --home DIR or AUG3D_HOME",
