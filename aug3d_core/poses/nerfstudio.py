@@ -66,7 +66,7 @@ def _number(fields: Mapping[str, Any], key: str, where: str) -> float:
 def _matrix(rows: Any, where: str) -> np.ndarray:
     try:
         matrix = np.array(rows, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape not in ((4, 4), (3, 4)):
         raise InputError(f"{where}: transform_matrix is not 4x4 numbers", "Correct or remove that frame.")
