@@ -11,9 +11,12 @@ import gc
 import multiprocessing
 import os
 import runpy
+import signal
 import sys
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing import forkserver, get_context, popen_fork, spawn
 from pathlib import Path
@@ -42,6 +45,7 @@ PRELOAD = [
 # Variables that the libraries above, or Python itself, read only once.
 _READ_ONCE = ("OMP_", "OPENBLAS_", "MKL_", "NUMEXPR_", "MPL", "LD_", "PYTHONHASHSEED")
 
+_LOOK_S = 1.0  # far longer than a start takes
 _one_start = threading.Lock()
 
 
@@ -52,7 +56,7 @@ def start(package: str, job: Path, log: Path, environment: Mapping[str, str]) ->
     interpreter runs it. `environment` must agree with this process's in these variables, as far as preloaded libraries
     read them.
     """
-    with _one_start:
+    with _one_start, _awake():
         context = get_context("forkserver" if _read_once() == _read_by_server() else "spawn")
         given = (package, str(job), str(log), dict(environment))
         process = context.Process(target=_become, args=given)  # pyright: ignore[reportAttributeAccessIssue]
@@ -60,9 +64,32 @@ def start(package: str, job: Path, log: Path, environment: Mapping[str, str]) ->
         # A child would import the factory's main module, and with it Prefect.
         spawn.get_preparation_data = lambda name: {k: v for k, v in describe(name).items() if "main" not in k}
         try:
-            return process._Popen(process)  # `Process.start` lets any thread read the exit code of any process
+            try:
+                return process._Popen(process)  # `Process.start` lets any thread read the exit code of any process
+            except ConnectionError:  # the server was killed a moment ago; a new one is started now
+                time.sleep(_LOOK_S)
+                return process._Popen(process)
         finally:
             spawn.get_preparation_data = describe
+
+
+@contextmanager
+def _awake() -> Iterator[None]:
+    """Keep the server going while a stage is asked of it: one that somebody stopped (SIGSTOP) would never answer."""
+    done = threading.Event()
+
+    def look() -> None:
+        while not done.wait(_LOOK_S):
+            pid = forkserver._forkserver._forkserver_pid  # pyright: ignore[reportAttributeAccessIssue]
+            if pid is not None:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
+
+    threading.Thread(target=look, daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
 
 
 def _read_once() -> dict[str, str]:

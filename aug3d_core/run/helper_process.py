@@ -25,7 +25,11 @@ Job = TypeVar("Job", bound=Frozen)
 
 
 class WorkerDied(Aug3dError):
-    """A worker process ended before its work was done."""
+    """A worker process ended before its work was done. cause: killed or crash, which are tried again, or error."""
+
+    def __init__(self, problem: str, remedy: str, cause: str = "error") -> None:
+        super().__init__(problem, remedy)
+        self.cause = cause
 
 
 def run_worker(module: str, job: Frozen, on_report: Callable[[str], None], name: str, lighter: str) -> None:
@@ -47,7 +51,8 @@ def run_worker(module: str, job: Frozen, on_report: Callable[[str], None], name:
             tail = log_file.read_text(errors="replace").splitlines()[-_TAIL_LINES:]
             if any(os.strerror(errno.ENOSPC) in line for line in tail):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), name)
-            raise WorkerDied(_obituary(name, worker.returncode, tail), _remedy(worker.returncode, lighter))
+            code = worker.returncode
+            raise WorkerDied(_obituary(name, code, tail), _remedy(code, lighter), _cause(code))
 
 
 def begin(kind: type[Job]) -> tuple[Job, Callable[[str], None]]:
@@ -61,6 +66,12 @@ def begin(kind: type[Job]) -> tuple[Job, Callable[[str], None]]:
     reports = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return job, lambda line: print(line, file=reports, flush=True)
+
+
+def _cause(code: int) -> str:
+    if code == -signal.SIGKILL:
+        return "killed"
+    return "crash" if code < 0 else "error"
 
 
 def _obituary(name: str, code: int, tail: list[str]) -> str:

@@ -21,6 +21,7 @@ from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.run.files import ERROR, FILES, OUTCOME, PROGRESS
 from aug3d_core.run.full_disk import disk_full
+from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.run.linux_process import SUPERVISED, call_this_process, die_with_parent
 from aug3d_core.run.stage import stage_function
 
@@ -68,6 +69,8 @@ def run_job(job: Job, folder: Path) -> None:
 def _described(error: Exception) -> dict[str, str]:
     if disk_full(error):
         return {"cause": "disk", "problem": str(error), "remedy": ""}
+    if isinstance(error, WorkerDied):
+        return {"cause": error.cause, "problem": error.problem, "remedy": error.remedy}
     if isinstance(error, Aug3dError):
         return {"cause": "refused", "problem": error.problem, "remedy": error.remedy}
     if isinstance(error, MemoryError):

@@ -9,6 +9,7 @@ import sys
 import textwrap
 import threading
 import time
+from multiprocessing import forkserver
 from multiprocessing.popen_fork import Popen
 from pathlib import Path
 
@@ -122,3 +123,11 @@ def test_the_factorys_own_code_is_not_imported(tmp_path: Path) -> None:
     assert set(next(tmp_path.glob("*.log")).read_text().split()) == {
         "aug3d_core", "aug3d_core.run", "aug3d_core.run.fork_server", "aug3d_core.run.linux_process", "tests_says",
     }  # fmt: skip
+
+
+def test_a_server_that_was_stopped_goes_on_when_a_stage_is_asked_of_it(tmp_path: Path) -> None:
+    assert begin(tmp_path).wait() == 0
+    server = forkserver._forkserver._forkserver_pid  # pyright: ignore[reportAttributeAccessIssue]
+    os.kill(server, signal.SIGSTOP)
+    assert begin(tmp_path).wait() == 0
+    assert psutil.Process(server).status() != psutil.STATUS_STOPPED

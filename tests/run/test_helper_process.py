@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from aug3d_core.run import helper_process as worker
+from aug3d_core.run import stage_main
 from aug3d_core.run.helper_process import WorkerDied, run_worker
 from aug3d_core.run.stage import Frozen
 
@@ -99,3 +100,11 @@ def test_what_a_worker_reported_before_it_died_is_not_lost(pretend):
     with pytest.raises(WorkerDied, match="exit code 1"):
         run(told)
     assert told == ["one"]
+
+
+@pytest.mark.parametrize(("script", "cause"), [("kill -9 $$", "killed"), ("kill -6 $$", "crash"), ("exit 3", "error")])
+def test_a_worker_that_was_killed_is_no_refusal_and_so_is_tried_again(pretend, script, cause):
+    pretend(script)
+    with pytest.raises(WorkerDied) as caught:
+        run()
+    assert stage_main._described(caught.value)["cause"] == cause
