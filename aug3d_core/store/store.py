@@ -34,6 +34,11 @@ class Store:
     def __init__(self, root: Path) -> None:
         """Open or create the store; raises StoreError if the folder cannot be written."""
         self.root = root.resolve()
+        if "?" in str(self.root):
+            raise StoreError(
+                f"the store {self.root} has a '?' in its path, which the addresses of MLflow's database cannot hold",
+                "choose another folder with --home DIR or AUG3D_HOME",
+            )
         try:
             make_private(self.root)
             for name in (layout.OBJECTS, layout.WORK, layout.LOCKS, layout.FAILURES, layout.SCENES):

@@ -312,3 +312,11 @@ def test_objects_of_a_recipe_are_found_newest_first(tmp_path: Path) -> None:
     assert store.made_by("photos", "r1", most=8) == [store.files_dir(first), store.files_dir(second)]
     assert store.made_by("photos", "r1", most=1) == [store.files_dir(first)]
     assert store.made_by("photos", "another", most=8) == []
+
+
+def test_a_home_that_no_address_can_name_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=r"has a '\?' in its path"):
+        Store(tmp_path / "a?b")
+    assert not any(tmp_path.iterdir())
+    for name in ("c#d", "e%20f", "[g]", "h i"):
+        assert Store(tmp_path / name).root.name == name
