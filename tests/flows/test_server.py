@@ -32,7 +32,8 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def home(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING"):  # of a server that other tests share
+        monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
     for name, value in local_environment(tmp_path / "home").items():
         monkeypatch.setenv(name, value)
@@ -105,6 +106,7 @@ def test_a_server_that_the_user_named_is_left_alone(home: Path, monkeypatch: pyt
 
 
 def test_nobody_without_its_token_is_let_in(home: Path) -> None:
+    before = servers()
     with prefect_server(home) as ready:
         ready()
         address = os.environ["PREFECT_API_URL"] + "/flows/count"
@@ -114,33 +116,35 @@ def test_nobody_without_its_token_is_let_in(home: Path) -> None:
             )
             with pytest.raises(urllib.error.HTTPError, match="401"):
                 urllib.request.urlopen(request)
-        [server] = servers()
+        [server] = servers() - before
         assert os.environ["PREFECT_API_AUTH_STRING"].partition(":")[2] not in " ".join(words_of(server))
 
 
 def test_one_that_is_killed_is_started_again_and_no_request_is_refused(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    before = servers()
     with prefect_server(home) as ready:
         ready()
-        [first] = servers()
+        [first] = servers() - before
         asked()
         first.kill()
         first.wait()
         assert asked() == 0, "a request that comes while it is away waits for the next one"
-        [second] = servers()
+        [second] = servers() - before
         assert second.pid != first.pid and listening_at() == {"127.0.0.1"}
     assert "started again" in capsys.readouterr().err
-    assert not servers()
+    assert servers() == before
 
 
 def test_one_that_cannot_be_started_again_ends_the_run_with_a_typed_error(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    before = servers()
     with pytest.raises(StoreError, match="did not start"), prefect_server(home) as ready:
         ready()
         monkeypatch.setattr(sys, "executable", "/bin/false")
-        [first] = servers()
+        [first] = servers() - before
         first.kill()
         asked()
 

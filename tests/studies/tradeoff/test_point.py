@@ -105,9 +105,9 @@ def test_how_far_below_is_of_the_same_photographs_and_seeds() -> None:
 
 
 def test_other_tests_are_compared_on_what_they_share_if_that_is_enough() -> None:
-    top = judged("top", {0: [20.0, 21.0, 22.0, 23.0]})  # of photographs 0 to 3
-    of_three = judged("low", {0: [19.0, 20.0, 21.0]})
-    apart = below(of_three, top)
+    top = judged("top", {0: [20.0, 21.0, 22.0, 23.0, 24.0]})  # of photographs 0 to 4
+    of_four = judged("low", {0: [19.0, 20.0, 21.0, 22.0]})
+    apart = below(of_four, top)
     assert apart is not None and apart.db == pytest.approx(1.0)
     assert below(judged("low", {0: [19.0, 20.0]}), top) is None, "two photographs of another test say nothing"
     assert below(judged("low", {0: [19.0, 20.0]}), judged("top", {0: [20.0, 21.0]})) is not None, (

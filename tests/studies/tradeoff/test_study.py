@@ -127,8 +127,8 @@ def test_auto_is_held_against_the_best_on_the_photographs_that_both_were_judged_
     found = studied(stages, tmp_path)
     assert found.auto is not None and found.best is not None
     auto, best = found.auto.results[0], found.best.results[0]
-    moved = Point(found.auto.arm, (replace(auto, held_out={"b": 20.0, "c": 21.0, "d": 22.0, "z": 99.0}),))
-    held = Point(found.best.arm, (replace(best, held_out={"a": 1.0, "b": 20.5, "c": 21.0, "d": 23.0}),))
+    moved = Point(found.auto.arm, (replace(auto, held_out={"b": 20.0, "c": 21.0, "d": 22.0, "e": 22.0, "z": 99.0}),))
+    held = Point(found.best.arm, (replace(best, held_out={"a": 1.0, "b": 20.5, "c": 21.0, "d": 23.0, "e": 22.5}),))
     shared = below(moved, held)
     assert shared is not None and shared.db == pytest.approx(0.5)
     assert below(Point(moved.arm, (replace(auto, held_out={"y": 20.0}),)), held) is None
