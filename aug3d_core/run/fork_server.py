@@ -11,9 +11,11 @@ import gc
 import multiprocessing
 import os
 import runpy
+import signal
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing import forkserver, get_context, popen_fork, spawn
 from pathlib import Path
@@ -42,6 +44,8 @@ PRELOAD = [
 # Variables that the libraries above, or Python itself, read only once.
 _READ_ONCE = ("OMP_", "OPENBLAS_", "MKL_", "NUMEXPR_", "MPL", "LD_", "PYTHONHASHSEED")
 
+_PATIENCE_S = 60  # the first answer comes after the imports, which take seconds
+
 _one_start = threading.Lock()
 
 
@@ -53,16 +57,48 @@ def start(package: str, job: Path, log: Path, environment: Mapping[str, str]) ->
     read them.
     """
     with _one_start:
-        context = get_context("forkserver" if _read_once() == _read_by_server() else "spawn")
         given = (package, str(job), str(log), dict(environment))
-        process = context.Process(target=_become, args=given)  # pyright: ignore[reportAttributeAccessIssue]
-        describe = spawn.get_preparation_data
-        # A child would import the factory's main module, and with it Prefect.
-        spawn.get_preparation_data = lambda name: {k: v for k, v in describe(name).items() if "main" not in k}
-        try:
-            return process._Popen(process)  # `Process.start` lets any thread read the exit code of any process
-        finally:
-            spawn.get_preparation_data = describe
+        if _read_once() == _read_by_server():
+            with suppress(EOFError, OSError), _server_that_answers():  # gone or ended: the next start finds a new one
+                return _begun("forkserver", given)
+        return _begun("spawn", given)
+
+
+def _begun(kind: str, given: tuple[str, str, str, dict[str, str]]) -> popen_fork.Popen:
+    process = get_context(kind).Process(target=_become, args=given)  # pyright: ignore[reportAttributeAccessIssue]
+    describe = spawn.get_preparation_data
+    # A child would import the factory's main module, and with it Prefect.
+    spawn.get_preparation_data = lambda name: {k: v for k, v in describe(name).items() if "main" not in k}
+    try:
+        return process._Popen(process)  # `Process.start` lets any thread read the exit code of any process
+    finally:
+        spawn.get_preparation_data = describe
+
+
+@contextmanager
+def _server_that_answers() -> Iterator[None]:
+    """End the server if it takes a start but does not answer, as when somebody stopped it: a read from it then fails.
+
+    Stages that it started end with it. It would not have told when they end.
+    """
+    answered = threading.Event()
+    watcher = threading.Thread(target=_end_unless, args=(answered,), daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        answered.set()
+        watcher.join()
+
+
+def _end_unless(answered: threading.Event) -> None:
+    for _ in range(_PATIENCE_S):  # not one long wait: while this process is stopped, too, no time passes
+        if answered.wait(1.0):
+            return
+    pid = forkserver._forkserver._forkserver_pid  # pyright: ignore[reportAttributeAccessIssue]
+    if pid is not None:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 def _read_once() -> dict[str, str]:

@@ -9,12 +9,14 @@ import sys
 import textwrap
 import threading
 import time
+from multiprocessing import forkserver
 from multiprocessing.popen_fork import Popen
 from pathlib import Path
 
 import psutil
 import pytest
 
+from aug3d_core.run import fork_server as module
 from aug3d_core.run.fork_server import start
 from tests.tests_support import wait_until_dead
 
@@ -88,6 +90,7 @@ def test_the_server_ends_with_the_factory_even_if_a_stage_lives_on(tmp_path: Pat
     code = f"""
 import os, sys
 from pathlib import Path
+from aug3d_core.run import fork_server as module
 from aug3d_core.run.fork_server import start
 from tests.tests_support import wait_until_dead
 sys.path.insert(0, {str(tmp_path)!r})
@@ -122,3 +125,20 @@ def test_the_factorys_own_code_is_not_imported(tmp_path: Path) -> None:
     assert set(next(tmp_path.glob("*.log")).read_text().split()) == {
         "aug3d_core", "aug3d_core.run", "aug3d_core.run.fork_server", "aug3d_core.run.linux_process", "tests_says",
     }  # fmt: skip
+
+
+def test_a_stopped_server_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert begin(tmp_path).wait() == 0
+    server = forkserver._forkserver._forkserver_pid  # pyright: ignore[reportAttributeAccessIssue]
+    os.kill(server, signal.SIGSTOP)
+    monkeypatch.setattr(module, "_PATIENCE_S", 1)
+    began: list[int | None] = []
+    thread = threading.Thread(target=lambda: began.append(begin(tmp_path).wait()), daemon=True)
+    thread.start()
+    thread.join(30)
+    if not began:
+        os.kill(server, signal.SIGKILL)  # let the tests after this one start
+    assert began == [0]
+    monkeypatch.setattr(module, "_PATIENCE_S", 60)
+    assert begin(tmp_path).wait() == 0
+    assert forkserver._forkserver._forkserver_pid != server  # pyright: ignore[reportAttributeAccessIssue]
