@@ -26,6 +26,7 @@ from flows.preview import TOWNS, model_named, preview
 from flows.refusal import typed_errors
 
 HOME = Path("aug3d_data")
+_FARTHEST = 1e9  # world units: farther away, nothing can be seen; NaN is not less either
 
 Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
 
@@ -157,8 +158,12 @@ def _place(option: str, text: str | None) -> tuple[float, float, float] | None:
         return None
     try:
         x, y, z = map(float, text.split(","))
+        if not all(abs(number) < _FARTHEST for number in (x, y, z)):
+            raise ValueError(text)
     except ValueError as error:
-        raise UsageError(f"{option} {text!r} is not three numbers", f"write for example {option} 10,-5,40") from error
+        raise UsageError(
+            f"{option} {text!r} is not three finite numbers", f"write for example {option} 10,-5,40"
+        ) from error
     return x, y, z
 
 

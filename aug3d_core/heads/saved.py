@@ -15,6 +15,7 @@ from aug3d_core.heads.config import FIRST, HeadConfig, config_of
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.heads.head import Head, build
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import json_content, opened
 
 AGAIN = "train the model again (stage training)"
 
@@ -29,11 +30,12 @@ def save(head: Head, out: Path) -> None:
 def load(folder: Path) -> Head:
     """Read a trained head, ready for use, on a GPU if there is one."""
     try:
-        head = build(_config(json.loads((folder / MODEL_CONFIG).read_text())))
+        head = build(_config(json_content(folder / MODEL_CONFIG)))
+        opened(folder / MODEL_WEIGHTS).close()
         head.load_state_dict(load_file(folder / MODEL_WEIGHTS))
     except FileNotFoundError as error:
         raise InputError(f"the model has no {Path(error.filename or MODEL_WEIGHTS).name}", AGAIN) from error
-    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
         raise InputError(f"{MODEL_WEIGHTS} or {MODEL_CONFIG} is damaged ({error})", AGAIN) from error
     except RuntimeError as error:
         missing = " ".join(str(error).splitlines()[1:2]).strip()[:200]

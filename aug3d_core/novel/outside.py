@@ -8,12 +8,12 @@ taken.
 from __future__ import annotations
 
 import hashlib
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from PIL import Image
 
 from aug3d_core.dataset.bounds import depths_in, near_far
 from aug3d_core.dataset.images import fit
@@ -27,8 +27,11 @@ from aug3d_core.poses.entry import Entry
 from aug3d_core.poses.nerfstudio import read_transforms
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.memory import MemoryBudget
+from aug3d_core.run.picture import PictureError, decoded_rgb, decoding_budget, opened_picture
 from aug3d_core.run.regular_file import MOST_TEXT_BYTES, content, json_content
 
+_NO_CLOUD = "take ply_file_path out if the poses are in the world of the scene, else give points as aug3d writes them"
 OUTLIER_SHARE, MARGIN_SHARE = 0.005, 0.1  # of the slab, as the stage dataset measures it unless told otherwise
 
 
@@ -42,7 +45,11 @@ def photos_digest(file: Path) -> str:
     """Digest of the poses and of every photograph that they name; raises InputError if one is missing."""
     digest = hashlib.sha256(content(file, MOST_TEXT_BYTES))
     for entry in read_transforms(file):
-        digest.update(file_digest(_photo(file, entry)).encode())
+        photo = _photo(file, entry)
+        try:
+            digest.update(file_digest(photo).encode())
+        except OSError as error:
+            raise _unusable(photo, entry, error.strerror or str(error)) from error
     return digest.hexdigest()
 
 
@@ -54,10 +61,10 @@ def outside_scene(file: Path, trained_on: Scene) -> Scene:
     entries = read_transforms(file)
     size_px = (trained_on.width_px, trained_on.height_px)
     slab, points = _ground(file, trained_on.slab)
-    images, intrinsics, bounds = [], [], []
+    images, intrinsics, bounds, budget = [], [], [], decoding_budget()
     poses = homogeneous(invert(np.stack([entry.cam_from_world for entry in entries])))
     for entry, pose in zip(entries, poses, strict=True):
-        colour, camera = _packed(file, entry, size_px)
+        colour, camera = _packed(file, entry, size_px, budget)
         seen = depths_in(entry.cam_from_world, points) if points is not None else np.zeros(0)
         height = abs(float(slab.height(pose[:3, 3])))
         images.append(colour)
@@ -92,16 +99,22 @@ def _ground(file: Path, otherwise: Slab) -> tuple[Slab, np.ndarray | None]:
     if cloud is None:
         return otherwise, None
     try:
+        if not isinstance(cloud, str):
+            raise ValueError("it is no text")
         points = Mesh.load(file.parent / cloud).xyz.astype(float)
     except (OSError, ValueError) as error:
         raise InputError(
             f"{file.name}: the point cloud {cloud} cannot be read ({error})",
-            "take ply_file_path out if the poses are in the world of the scene, else give points as aug3d writes them",
+            _NO_CLOUD,
         ) from error
+    if not len(points) or not np.isfinite(points).all():
+        raise InputError(
+            f"{file.name}: the point cloud {cloud} holds no points, or some that are not finite", _NO_CLOUD
+        )
     return slab_of(points, OUTLIER_SHARE, MARGIN_SHARE), points
 
 
-def _packed(file: Path, entry: Entry, size_px: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def _packed(file: Path, entry: Entry, size_px: tuple[int, int], budget: MemoryBudget) -> tuple[np.ndarray, np.ndarray]:
     """Return a photograph and its (fx, fy, cx, cy) at packed size."""
     _, camera = entry.names[0]
     if camera.model != "PINHOLE":
@@ -109,8 +122,12 @@ def _packed(file: Path, entry: Entry, size_px: tuple[int, int]) -> tuple[np.ndar
             f"{entry.where} is distorted (camera model {camera.model})",
             "give undistorted photographs and their cameras",
         )
-    with Image.open(_photo(file, entry)) as image:
-        rgb = np.asarray(image.convert("RGB"))
+    photo = _photo(file, entry)
+    try:
+        with ExitStack() as held, opened_picture(photo) as (_, image):
+            rgb = np.asarray(decoded_rgb(image, budget, held))
+    except PictureError as error:
+        raise _unusable(photo, entry, str(error)) from error
     height, width = rgb.shape[:2]
     if not same_shape(camera, width, height):
         raise InputError(
@@ -122,7 +139,17 @@ def _packed(file: Path, entry: Entry, size_px: tuple[int, int]) -> tuple[np.ndar
 
 
 def _photo(file: Path, entry: Entry) -> Path:
-    path = file.parent / entry.names[0][0]
-    if not path.is_file():
-        raise InputError(f"{entry.where}: the photograph {path} does not exist", "put it there, or mend file_path")
+    try:
+        path = file.parent / entry.names[0][0]
+        path.stat()
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{entry.where}: the photograph {path} does not exist", "put it there, or mend file_path"
+        ) from error
+    except (OSError, ValueError) as error:  # too long a name, a loop of links, a character that no name can hold
+        raise InputError(f"{entry.where}: file_path names no file ({error})", "mend file_path") from error
     return path
+
+
+def _unusable(photo: Path, entry: Entry, why: str) -> InputError:
+    return InputError(f"{entry.where}: the photograph {photo} cannot be used ({why})", "copy it again, or take it out")

@@ -14,18 +14,11 @@ from PIL import Image
 
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.exif import Exif, read_exif
-from aug3d_core.run.memory import MemoryBudget, total_bytes
-from aug3d_core.run.regular_file import opened
+from aug3d_core.run.memory import MemoryBudget
+from aug3d_core.run.picture import PictureError, decoded_rgb, opened_picture
 
-FORMATS = ("JPEG", "PNG", "TIFF")  # JPEG includes MPO, which some cameras write: its first picture is taken
 _SHARPNESS_PX = 512
-_BYTES_A_PIXEL = 12  # while it is decoded: as stored, in RGB, and on the way between, 4 each at the most
-_BUDGET_SHARE = 0.25  # of the machine's memory, for all threads that decode
 _STRIP_ROWS = 256
-
-
-class RejectedError(Exception):
-    """The photograph cannot be used; the message is the reason that the user reads."""
 
 
 @dataclass(frozen=True)
@@ -42,19 +35,14 @@ class Decoded:
     pixels_sha256: str
 
 
-def decoding_budget() -> MemoryBudget:
-    """Return the memory that all threads together may use to decode."""
-    return MemoryBudget(int(_BUDGET_SHARE * total_bytes()))
-
-
 def decode(source: Path, name: str, copy: Path, config: PhotosConfig, budget: MemoryBudget) -> Decoded:
     """Write the working copy of a photograph. Pixels stay as stored: the EXIF orientation is not applied.
 
     Its header says how much memory it will take, before any pixel is decoded.
-    Raises RejectedError where the file is not a photograph that can be used.
+    Raises PictureError where the file is not a photograph that can be used.
     """
     if shown(name) != name:
-        raise RejectedError("name: not UTF-8; rename the file")
+        raise PictureError("name: not UTF-8; rename the file")
     with ExitStack() as held:
         sha256, original_size, exif, pixels = _read(source, config, budget, held)
         pixels_sha256 = _pixels_digest(pixels)
@@ -68,29 +56,15 @@ def _read(
     source: Path, config: PhotosConfig, budget: MemoryBudget, held: ExitStack
 ) -> tuple[str, tuple[int, int], Exif, Image.Image]:
     """Return digest, stored size, EXIF and RGB pixels of a photograph; `held` then holds the memory that they need."""
-    try:
-        with opened(source) as file, Image.open(file, formats=FORMATS) as image:
-            sha256 = _digest(file)
-            original_size = image.size
-            if min(original_size) < config.min_px:
-                raise RejectedError(f"tiny: {image.width}x{image.height} px, shortest side under {config.min_px} px")
-            exif = read_exif(image)
-            # JPEG decodes at a fraction of its size for free; twice the target keeps the final Lanczos step in charge.
-            image.draft("RGB", (2 * config.max_px, 2 * config.max_px))
-            needed = _BYTES_A_PIXEL * image.width * image.height
-            if needed > budget.total:
-                raise RejectedError(
-                    f"too large: {image.width}x{image.height} px take {needed / 2**30:.1f} GiB to decode; a quarter of the"
-                    f" memory, {budget.total / 2**30:.1f} GiB, may be used"
-                )
-            held.enter_context(budget.taking(needed))
-            return sha256, original_size, exif, _rgb(image)
-    except (RejectedError, MemoryError):
-        raise
-    except Image.DecompressionBombError as error:
-        raise RejectedError(f"too large: {error}") from error
-    except Exception as error:  # Pillow raises whatever its parsers meet in damaged files, SyntaxError among them
-        raise RejectedError(f"unreadable: {_reason(error)}") from error
+    with opened_picture(source) as (file, image):
+        sha256 = _digest(file)
+        original_size = image.size
+        if min(original_size) < config.min_px:
+            raise PictureError(f"tiny: {image.width}x{image.height} px, shortest side under {config.min_px} px")
+        exif = read_exif(image)
+        # JPEG decodes at a fraction of its size for free; twice the target keeps the final Lanczos step in charge.
+        image.draft("RGB", (2 * config.max_px, 2 * config.max_px))
+        return sha256, original_size, exif, decoded_rgb(image, budget, held)
 
 
 def _digest(file: io.BufferedReader) -> str:
@@ -125,21 +99,3 @@ def measure_sharpness(rgb: UInt8[np.ndarray, "h w 3"]) -> float:
 def _laplacian(grey: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h-2 w-2"]:
     around = grey[:-2, 1:-1] + grey[2:, 1:-1] + grey[1:-1, :-2] + grey[1:-1, 2:]
     return around - 4 * grey[1:-1, 1:-1]
-
-
-def _rgb(image: Image.Image) -> Image.Image:
-    if image.mode.startswith("I;16") or image.mode == "I":
-        grey = np.empty((image.height, image.width), np.uint8)
-        for top in range(0, image.height, _STRIP_ROWS):
-            strip = image.crop((0, top, image.width, min(top + _STRIP_ROWS, image.height)))
-            grey[top : top + _STRIP_ROWS] = np.asarray(strip).clip(0, 65535) // 257
-        return Image.fromarray(grey).convert("RGB")
-    return image.convert("RGB")
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, Image.UnidentifiedImageError):
-        return "not a JPEG, PNG or TIFF image"
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror  # without the path, which differs between machines
-    return str(error) or type(error).__name__

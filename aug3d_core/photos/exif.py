@@ -14,6 +14,7 @@ from typing import Any
 from PIL import ExifTags, Image
 
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
+_FIRST_YEAR, _LAST_YEAR = 1900, 2200  # a year outside is damage, and some tables cannot hold it
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _WIDEST_SENSOR = 1.55  # aspect above which a frame is a full-width crop of a 4:3 sensor, not a sensor's own shape
 
@@ -113,6 +114,8 @@ def _time(exif: Any, detail: Any) -> datetime | None:
     for value in (detail.get(ExifTags.Base.DateTimeOriginal), exif.get(ExifTags.Base.DateTime)):
         try:
             time = datetime.strptime(_text(value), "%Y:%m:%d %H:%M:%S")
+            if not _FIRST_YEAR <= time.year <= _LAST_YEAR:
+                continue
         except ValueError:
             continue
         fraction = _text(detail.get(ExifTags.Base.SubsecTimeOriginal))

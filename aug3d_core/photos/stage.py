@@ -12,12 +12,13 @@ from pathlib import Path
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
 from aug3d_core.photos.decisions import decisions
-from aug3d_core.photos.decode import Decoded, RejectedError, decode, decoding_budget, shown
+from aug3d_core.photos.decode import Decoded, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
 from aug3d_core.photos.files import CONTACT_SHEET, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.picture import PictureError, decoding_budget
 from aug3d_core.run.stage import Inputs, Outcome, Progress
 
 Rejected = list[tuple[str, str]]
@@ -84,7 +85,7 @@ def _decode_all(
         number, name = numbered
         try:
             return decode(folder / name, name, out / PHOTO_IMAGES / f"checking-{number}.png", config, budget)
-        except RejectedError as error:
+        except PictureError as error:
             return str(error)
 
     usable, rejected = [], []

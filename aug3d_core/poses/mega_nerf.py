@@ -98,7 +98,7 @@ def _array(content: dict[str, Any], key: str, where: str) -> np.ndarray:
         raise InputError(f"{where} has no {key}", _REMEDY)
     try:
         values = np.array(content[key], float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.array(np.nan)
     if not np.isfinite(values).all():
         raise InputError(f"{where}: {key} has values that are not finite numbers", _REMEDY)

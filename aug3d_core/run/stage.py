@@ -38,7 +38,9 @@ class Frozen(BaseModel):
 
 
 class StageConfig(Frozen):
-    """Base of a stage's configuration. Each field has a unit, bounds and a sentence."""
+    """Base of a stage's configuration. Each field has a unit, bounds and a sentence; its numbers are finite."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
 
     @property
     def engines(self) -> tuple[str, ...]:

@@ -11,8 +11,10 @@ from PIL import ExifTags, Image, ImageFilter
 
 from aug3d_core.photos import decode as module
 from aug3d_core.photos.config import PhotosConfig
-from aug3d_core.photos.decode import RejectedError, decode, measure_sharpness
+from aug3d_core.photos.decode import decode, measure_sharpness
+from aug3d_core.run import picture
 from aug3d_core.run.memory import MemoryBudget
+from aug3d_core.run.picture import PictureError
 from tests.photos.photo_files import pixels, write_photo
 
 
@@ -67,40 +69,40 @@ def test_deep_grey_keeps_its_tones(tmp_path: Path) -> None:
 def test_a_truncated_jpeg(tmp_path: Path) -> None:
     path = write_photo(tmp_path / "a.jpg")
     path.write_bytes(path.read_bytes()[:-800])
-    with pytest.raises(RejectedError, match="unreadable: image file is truncated"):
+    with pytest.raises(PictureError, match="unreadable: image file is truncated"):
         decoded(path, tmp_path)
     assert not (tmp_path / "copy.png").exists()
 
 
 def test_text_that_calls_itself_a_photograph(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_text("not a photograph")
-    with pytest.raises(RejectedError, match="not a JPEG, PNG or TIFF image"):
+    with pytest.raises(PictureError, match="not a JPEG, PNG or TIFF image"):
         decoded(tmp_path / "a.jpg", tmp_path)
 
 
 def test_an_empty_file(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").touch()
-    with pytest.raises(RejectedError, match="unreadable"):
+    with pytest.raises(PictureError, match="unreadable"):
         decoded(tmp_path / "a.jpg", tmp_path)
 
 
 def test_a_broken_link_is_named_without_its_path(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").symlink_to(tmp_path / "gone.jpg")
-    with pytest.raises(RejectedError) as rejected:
+    with pytest.raises(PictureError) as rejected:
         decoded(tmp_path / "a.jpg", tmp_path)
     assert "No such file" in str(rejected.value)
     assert str(tmp_path) not in str(rejected.value)
 
 
 def test_a_tiny_photograph(tmp_path: Path) -> None:
-    with pytest.raises(RejectedError, match="tiny: 160x120 px, shortest side under 160 px"):
+    with pytest.raises(PictureError, match="tiny: 160x120 px, shortest side under 160 px"):
         decoded(write_photo(tmp_path / "a.jpg", size=(160, 120)), tmp_path)
 
 
 def test_a_decompression_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_photo(tmp_path / "a.png")
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
-    with pytest.raises(RejectedError, match="too large"):
+    with pytest.raises(PictureError, match="too large"):
         decoded(path, tmp_path)
 
 
@@ -108,9 +110,9 @@ def test_what_takes_more_memory_than_may_be_used_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The header says so; a JPEG decodes at a fraction of its size and takes less."""
-    monkeypatch.setattr(module, "_rgb", lambda image: pytest.fail("it was decoded"))
+    monkeypatch.setattr(picture, "_rgb", lambda image: pytest.fail("it was decoded"))
     path = write_photo(tmp_path / "a.png", size=(1000, 800))
-    with pytest.raises(RejectedError, match=r"too large: 1000x800 px take 0\.0 GiB to decode; a quarter of the memory"):
+    with pytest.raises(PictureError, match=r"too large: 1000x800 px take 0\.0 GiB to decode; a quarter of the memory"):
         decode(path, path.name, tmp_path / "copy.png", PhotosConfig(), MemoryBudget(9_000_000))
     monkeypatch.undo()
     path = write_photo(tmp_path / "a.jpg", size=(1000, 800))
@@ -131,7 +133,7 @@ def test_sixteen_bits_are_the_same_in_strips(tmp_path: Path) -> None:
 def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     os.mkfifo(path) if name == "pipe.jpg" else path.symlink_to("/dev/zero")
-    with pytest.raises(RejectedError, match="unreadable: it is no file but a pipe, a socket or a device"):
+    with pytest.raises(PictureError, match="unreadable: it is no file but a pipe, a socket or a device"):
         decoded(path, tmp_path)
 
 

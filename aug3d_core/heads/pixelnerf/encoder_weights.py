@@ -17,6 +17,7 @@ from torch import Tensor
 from aug3d_core.heads.pixelnerf.config import AUTO, RANDOM
 from aug3d_core.heads.pixelnerf.resnet import ResNet34, used_weights
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.regular_file import opened
 
 _IMAGENET = "https://download.pytorch.org/models/resnet34-b627a593.pth"  # torchvision's; the name ends in its SHA-256
 _PATIENCE_S = 20.0
@@ -53,13 +54,20 @@ def start_trunk(trunk: ResNet34, setting: str) -> str:
 
 
 def _read(path: Path) -> dict[str, Tensor]:
-    if not path.is_file():
-        raise InputError(f"training.head.encoder_weights {path} is no file", _CHOICES)
     try:
-        return load_file(path) if path.suffix == ".safetensors" else torch.load(path, "cpu", weights_only=True)
+        opened(path).close()
+    except OSError as error:
+        raise InputError(
+            f"training.head.encoder_weights {path} is no file that can be read ({error.strerror})", _CHOICES
+        ) from error
+    try:
+        weights = load_file(path) if path.suffix == ".safetensors" else torch.load(path, "cpu", weights_only=True)
     except (SafetensorError, RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(f"training.head.encoder_weights {path} is damaged ({reason})", _CHOICES) from error
+    if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
+        raise InputError(f"training.head.encoder_weights {path} holds no weights by name", _CHOICES)
+    return weights
 
 
 @contextmanager

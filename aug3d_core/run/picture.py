@@ -1,0 +1,75 @@
+"""Open and decode a user's picture: a regular file, within a stated share of the memory, as 8-bit RGB."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aug3d_core.run.memory import MemoryBudget, total_bytes
+from aug3d_core.run.regular_file import opened
+
+FORMATS = ("JPEG", "PNG", "TIFF")  # JPEG includes MPO, which some cameras write: its first picture is taken
+_BYTES_A_PIXEL = 12  # while it is decoded: as stored, in RGB, and on the way between, 4 each at the most
+_BUDGET_SHARE = 0.25  # of the machine's memory, for all threads that decode
+_STRIP_ROWS = 256
+
+
+class PictureError(Exception):
+    """The file is no picture that can be used; the message says why, without its path."""
+
+
+def decoding_budget() -> MemoryBudget:
+    """Return the memory that all threads together may use to decode."""
+    return MemoryBudget(int(_BUDGET_SHARE * total_bytes()))
+
+
+@contextmanager
+def opened_picture(path: Path) -> Iterator[tuple[io.BufferedReader, Image.Image]]:
+    """Open a picture's file and its header; what goes wrong while it is open becomes a PictureError."""
+    try:
+        with opened(path) as file, Image.open(file, formats=FORMATS) as image:
+            yield file, image
+    except (PictureError, MemoryError):
+        raise
+    except Image.DecompressionBombError as error:
+        raise PictureError(f"too large: {error}") from error
+    except Exception as error:  # Pillow raises whatever its parsers meet in damaged files, SyntaxError among them
+        raise PictureError(f"unreadable: {_reason(error)}") from error
+
+
+def decoded_rgb(image: Image.Image, budget: MemoryBudget, held: ExitStack) -> Image.Image:
+    """Return an opened picture's RGB pixels; `held` then holds the memory that they need.
+
+    Its header says how much that is, before any pixel is decoded. Raises PictureError if it is more than may be used.
+    """
+    needed = _BYTES_A_PIXEL * image.width * image.height
+    if needed > budget.total:
+        raise PictureError(
+            f"too large: {image.width}x{image.height} px take {needed / 2**30:.1f} GiB to decode; a quarter of the"
+            f" memory, {budget.total / 2**30:.1f} GiB, may be used"
+        )
+    held.enter_context(budget.taking(needed))
+    return _rgb(image)
+
+
+def _rgb(image: Image.Image) -> Image.Image:
+    if image.mode.startswith("I;16") or image.mode == "I":
+        grey = np.empty((image.height, image.width), np.uint8)
+        for top in range(0, image.height, _STRIP_ROWS):
+            strip = image.crop((0, top, image.width, min(top + _STRIP_ROWS, image.height)))
+            grey[top : top + _STRIP_ROWS] = np.asarray(strip).clip(0, 65535) // 257
+        return Image.fromarray(grey).convert("RGB")
+    return image.convert("RGB")
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, Image.UnidentifiedImageError):
+        return "not a JPEG, PNG or TIFF image"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror  # without the path, which differs between machines
+    return str(error) or type(error).__name__
