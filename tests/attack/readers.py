@@ -8,7 +8,7 @@ import numpy as np
 
 
 def colmap(path: str) -> bool:
-    """Read a COLMAP model."""
+    """Read poses."""
     from aug3d_core.poses.recognise import recognise
     from aug3d_core.poses.stage import read_entries
 
@@ -48,6 +48,12 @@ def trained_head(path: str) -> bool:
 
 
 def _entries_are_right(entries: list) -> bool:
-    return bool(entries) and all(
-        np.isfinite(entry.cam_from_world).all() and np.isfinite(entry.names[0][1].params).all() for entry in entries
+    """Say whether every pose and camera is finite and every name stands once."""
+    names = [entry.names[0][0] for entry in entries]
+    return (
+        bool(entries)
+        and len(set(names)) == len(names)
+        and all(
+            np.isfinite(entry.cam_from_world).all() and np.isfinite(entry.names[0][1].params).all() for entry in entries
+        )
     )
