@@ -106,7 +106,7 @@ class SamplingConfig(StageConfig):
     tries: int = Field(
         default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up."
     )
-    seed: int = Field(default=0, ge=0, description="Seed of the random placement.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the random placement.")
 
     @property
     def engines(self) -> tuple[str, ...]:

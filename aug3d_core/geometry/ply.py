@@ -46,7 +46,7 @@ class Mesh:
         """Read what `save` wrote; raises ValueError on any other layout and on a truncated file."""
         data = content(path)
         end = data.find(b"end_header\n") + len(b"end_header\n")
-        counts = [int(line.split()[2]) for line in data[:end].splitlines() if line.startswith(b"element ")]
+        counts = [int(line.split()[-1]) for line in data[:end].splitlines() if line.startswith(b"element ")]
         if len(counts) != 2 or data[:end] != _header(*counts):
             raise ValueError(f"{path.name} is not a vertex-coloured triangle mesh as aug3d writes it")
         if len(data) != end + counts[0] * _VERTEX.itemsize + counts[1] * _FACE.itemsize:

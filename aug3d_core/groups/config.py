@@ -62,7 +62,7 @@ class GroupingConfig(StageConfig):
         le=1.0,
         description="Share of its points that a training view may share with the test block.",
     )
-    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
 
 SIMILARITY_PRESETS: dict[str, SimilarityConfig] = {

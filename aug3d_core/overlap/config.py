@@ -13,7 +13,7 @@ class OverlapConfig(StageConfig):
     groups: int = Field(
         default=64, ge=1, le=1000, description="Most groups that each way is asked for, to be compared alike."
     )
-    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
 
 PRESETS: dict[str, OverlapConfig] = {

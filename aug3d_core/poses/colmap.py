@@ -20,10 +20,15 @@ def read_colmap(folder: Path) -> list[Entry]:
     for camera_id, camera in model.cameras.items():
         plain = Camera(camera.model_name, camera.width, camera.height, tuple(camera.params.tolist()))
         cameras[camera_id] = checked_camera(plain, f"{folder}, camera {camera_id}")
-    entries = []
+    entries, seen = [], {}
     for image_id in sorted(model.reg_image_ids()):
         image = model.image(image_id)
         where = f"{folder}, image {image_id} ({image.name})"
+        if image.name in seen:
+            raise InputError(f"{where} has the same name as image {seen[image.name]}", "Keep one of the two images.")
+        seen[image.name] = image_id
+        if not np.linalg.norm(image.cam_from_world().rotation.quat) > 0.5:  # its matrix would be that of no rotation
+            raise InputError(f"{where}: the quaternion is zero, which is no rotation", "Mend or remove that image.")
         pose = checked_pose(np.asarray(image.cam_from_world().matrix()), where)
         entries.append(Entry(((image.name, cameras[image.camera_id]),), pose, where, image_id))
     if not entries:

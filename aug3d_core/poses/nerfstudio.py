@@ -36,7 +36,7 @@ def read_transforms(file: Path) -> list[Entry]:
         if not isinstance(frame, dict):
             raise InputError(f"{where} is not an object", "Use a transforms.json as nerfstudio writes it.")
         name = _value(frame, "file_path", where)
-        if not isinstance(name, str) or not name:
+        if not isinstance(name, str) or not name or not _can_be_written(name):
             raise InputError(f"{where}: file_path {name!r} is not a name", "Name the photograph of that frame.")
         where = f"{where} ({name})"
         if name in seen:
@@ -46,6 +46,14 @@ def read_transforms(file: Path) -> list[Entry]:
         camera = checked_camera(_camera({**whole, **frame}, where), where)
         entries.append(Entry(((name, camera),), cam_from_world(pose), where, number))
     return entries
+
+
+def _can_be_written(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:  # half of a pair, which JSON can hold and a file's name cannot
+        return False
+    return True
 
 
 def _value(fields: Mapping[str, Any], key: str, where: str) -> Any:

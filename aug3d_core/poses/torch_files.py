@@ -41,7 +41,7 @@ def _plain(value: Any, where: str) -> Any:
     if not isinstance(value, torch.Tensor):
         return value
     if value.layout is not torch.strided or value.is_quantized or value.is_complex() or value.device.type != "cpu":
-        raise InputError(f"{where} is no dense tensor of real numbers", "Use files written by Mega-NeRF.")
+        raise InputError(f"{where} is no dense tensor", "Use files written by Mega-NeRF.")
     if value.numel() > _MOST_NUMBERS:
         raise InputError(
             f"{where} holds {value.numel()} numbers, more than {_MOST_NUMBERS}", "Use files written by Mega-NeRF."

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.config import place as place_of
 from aug3d_core.heads.config import HeadConfig, config_of, names
-from aug3d_core.run.errors import InputError
+from aug3d_core.run.errors import InputError, UsageError
 from aug3d_core.scene_files.document import Mistake, Place, parsed
 from aug3d_core.scene_files.entry import FOLDER, Origin, SceneEntry
 
@@ -80,6 +80,9 @@ def _wrong_settings(origin: Origin, values: Mapping[str, Any]) -> list[str]:
         SceneConfig.model_validate(SceneEntry(photos=None, **known).config_values())
     except ValidationError as error:
         return _told(origin, error, SceneConfig, ("settings",)) if error.title == SceneConfig.__name__ else []
+    except UsageError as error:  # a head that there is not: its settings are not known either
+        place = ("settings", "training", "head")
+        return [f"{origin.file}:{origin.line(place)}: {'.'.join(place)}: {error.problem}: {error.remedy}"]
     return []
 
 

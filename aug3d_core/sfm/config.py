@@ -30,7 +30,7 @@ class MatchingConfig(StageConfig):
     neighbours: int = Field(
         default=20, ge=2, le=1000, description="Photographs that each one is compared with: the nearest, or most alike."
     )
-    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
 
 class SfmConfig(StageConfig):
@@ -40,7 +40,7 @@ class SfmConfig(StageConfig):
         default="auto",
         description="Place photographs one by one, all at once, or part by part; auto: one by one unless they are many.",
     )
-    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
 
 MATCHING_PRESETS: dict[str, MatchingConfig] = {

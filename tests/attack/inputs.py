@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from aug3d_core.run.errors import Aug3dError
@@ -62,3 +66,33 @@ def assert_withstood(attacks: Iterable[Attack], least: int) -> Counter[str]:
     assert not bad, f"{len(bad)} of {counts.total()}:\n" + "\n".join(bad)
     assert counts.total() >= least
     return counts
+
+
+_CHILD = """
+import importlib, json, sys, threading
+from tests.attack.inputs import Attack, verdict
+from tests.attack import readers
+for line in sys.stdin:
+    reader, path = json.loads(line)
+    print(json.dumps(verdict(Attack(path, lambda: getattr(readers, reader)(path), "", lambda told: told))), flush=True)
+import os
+os._exit(0)  # a reader that hangs does not keep the process
+"""
+
+
+def in_own_process(given: Sequence[tuple[str, Path]]) -> list[tuple[str, str]]:
+    """Return the verdicts of readers that load an engine, which has a process of its own; a crash ends the list early.
+
+    given: a function of `readers` and what it reads.
+    """
+    lines = "".join(json.dumps((reader, str(path))) + "\n" for reader, path in given)
+    done = subprocess.run(
+        [sys.executable, "-c", _CHILD],
+        input=lines,
+        capture_output=True,
+        text=True,
+        cwd=Path(__file__).parents[2],
+        timeout=600,
+    )
+    found = [tuple(json.loads(line)) for line in done.stdout.splitlines() if line.startswith("[")]
+    return found + [(TRACEBACK, f"the process ended: {done.stderr[-500:]}")] * (len(given) - len(found))

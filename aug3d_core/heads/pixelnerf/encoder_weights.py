@@ -61,10 +61,13 @@ def _read(path: Path) -> dict[str, Tensor]:
             f"training.head.encoder_weights {path} is no file that can be read ({error.strerror})", _CHOICES
         ) from error
     try:
-        return load_file(path) if path.suffix == ".safetensors" else torch.load(path, "cpu", weights_only=True)
+        weights = load_file(path) if path.suffix == ".safetensors" else torch.load(path, "cpu", weights_only=True)
     except (SafetensorError, RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(f"training.head.encoder_weights {path} is damaged ({reason})", _CHOICES) from error
+    if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
+        raise InputError(f"training.head.encoder_weights {path} holds no weights by name", _CHOICES)
+    return weights
 
 
 @contextmanager

@@ -12,7 +12,7 @@ class DamageConfig(StageConfig):
 
     damage: str = Field(description='"module:function" of the damage.')
     dose: float = Field(description="Amount, in the unit of the perturbation.")
-    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
     @property
     def modules(self) -> tuple[str, ...]:
@@ -26,7 +26,7 @@ class ComputedConfig(StageConfig):
     compute: str = Field(description='"module:function" of what is computed.')
     dose: float = Field(description="Amount, in the unit of the perturbation.")
     method: str = Field(description="Method to try.")
-    seed: int = Field(default=0, ge=0, description="Seed of every random choice.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
     @property
     def modules(self) -> tuple[str, ...]:

@@ -1,0 +1,59 @@
+"""Readers that load an engine, and whether what they return is right: finite numbers of the expected shape."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+
+def colmap(path: str) -> bool:
+    """Read poses."""
+    from aug3d_core.poses.recognise import recognise
+    from aug3d_core.poses.stage import read_entries
+
+    return _entries_are_right(read_entries(recognise(Path(path))))
+
+
+def mega_nerf(path: str) -> bool:
+    """Read a Mega-NeRF folder."""
+    return colmap(path)
+
+
+def sweep_start(path: str) -> bool:
+    """Start a sweep from a file of weights; none of the files here is one."""
+    from torch import nn
+
+    from aug3d_core.heads.sweep.start import load_first_weights
+
+    load_first_weights(nn.Linear(3, 2), path)
+    return False
+
+
+def encoder(path: str) -> bool:
+    """Start the paper's encoder from a file of weights; none of the files here is one."""
+    from aug3d_core.heads.pixelnerf.encoder_weights import start_trunk
+    from aug3d_core.heads.pixelnerf.resnet import ResNet34
+
+    start_trunk(ResNet34(), path)
+    return False
+
+
+def trained_head(path: str) -> bool:
+    """Open a trained head; none of the folders here is whole."""
+    from aug3d_core.heads.saved import load
+
+    load(Path(path))
+    return False
+
+
+def _entries_are_right(entries: list) -> bool:
+    """Say whether every pose and camera is finite and every name stands once."""
+    names = [entry.names[0][0] for entry in entries]
+    return (
+        bool(entries)
+        and len(set(names)) == len(names)
+        and all(
+            np.isfinite(entry.cam_from_world).all() and np.isfinite(entry.names[0][1].params).all() for entry in entries
+        )
+    )
