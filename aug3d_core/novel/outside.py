@@ -28,7 +28,7 @@ from aug3d_core.poses.nerfstudio import read_transforms
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.memory import MemoryBudget
-from aug3d_core.run.picture import PictureError, decoded_rgb, decoding_budget, opened_picture
+from aug3d_core.run.picture import PictureError, decoding_budget, opened_picture, rgb_of, take_memory
 from aug3d_core.run.regular_file import MOST_TEXT_BYTES, content, json_content
 
 _NO_CLOUD = "take ply_file_path out if the poses are in the world of the scene, else give points as aug3d writes them"
@@ -125,7 +125,8 @@ def _packed(file: Path, entry: Entry, size_px: tuple[int, int], budget: MemoryBu
     photo = _photo(file, entry)
     try:
         with ExitStack() as held, opened_picture(photo) as (_, image):
-            rgb = np.asarray(decoded_rgb(image, budget, held))
+            take_memory(image, budget, held)
+            rgb = np.asarray(rgb_of(image))
     except PictureError as error:
         raise _unusable(photo, entry, str(error)) from error
     height, width = rgb.shape[:2]

@@ -15,7 +15,7 @@ from PIL import Image
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.exif import Exif, read_exif
 from aug3d_core.run.memory import MemoryBudget
-from aug3d_core.run.picture import PictureError, decoded_rgb, opened_picture
+from aug3d_core.run.picture import PictureError, opened_picture, rgb_of, take_memory
 
 _SHARPNESS_PX = 512
 _STRIP_ROWS = 256
@@ -61,10 +61,11 @@ def _read(
         original_size = image.size
         if min(original_size) < config.min_px:
             raise PictureError(f"tiny: {image.width}x{image.height} px, shortest side under {config.min_px} px")
-        exif = read_exif(image)
         # JPEG decodes at a fraction of its size for free; twice the target keeps the final Lanczos step in charge.
         image.draft("RGB", (2 * config.max_px, 2 * config.max_px))
-        return sha256, original_size, exif, decoded_rgb(image, budget, held)
+        take_memory(image, budget, held)
+        exif = read_exif(image, original_size)
+        return sha256, original_size, exif, rgb_of(image)
 
 
 def _digest(file: io.BufferedReader) -> str:

@@ -36,15 +36,15 @@ class Exif:
     orientation: int
 
 
-def read_exif(image: Image.Image) -> Exif:
-    """Read an opened photograph's EXIF. `image.size` must still be the stored size."""
+def read_exif(image: Image.Image, stored_size: tuple[int, int]) -> Exif:
+    """Read an opened photograph's EXIF. Pillow decodes a PNG for it. stored_size: width and height in px, before any draft."""
     exif = image.getexif()
     detail = exif.get_ifd(ExifTags.IFD.Exif)
-    focal_px, focal_source = _focal(detail, image.size)
+    focal_px, focal_source = _focal(detail, stored_size)
     lat_deg, lon_deg, alt_m = _position(exif.get_ifd(ExifTags.IFD.GPSInfo))
     orientation = exif.get(ExifTags.Base.Orientation, 1)
     return Exif(
-        camera=_camera(exif, detail, image.size),
+        camera=_camera(exif, detail, stored_size),
         focal_px=focal_px,
         focal_source=focal_source,
         lat_deg=lat_deg,

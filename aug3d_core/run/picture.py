@@ -42,10 +42,10 @@ def opened_picture(path: Path) -> Iterator[tuple[io.BufferedReader, Image.Image]
         raise PictureError(f"unreadable: {_reason(error)}") from error
 
 
-def decoded_rgb(image: Image.Image, budget: MemoryBudget, held: ExitStack) -> Image.Image:
-    """Return an opened picture's RGB pixels; `held` then holds the memory that they need.
+def take_memory(image: Image.Image, budget: MemoryBudget, held: ExitStack) -> None:
+    """Let `held` hold the memory that an opened picture needs to be decoded, by its header.
 
-    Its header says how much that is, before any pixel is decoded. Raises PictureError if it is more than may be used.
+    To be called before anything that may decode it. Raises PictureError if it needs more than may be used.
     """
     needed = _BYTES_A_PIXEL * image.width * image.height
     if needed > budget.total:
@@ -54,10 +54,10 @@ def decoded_rgb(image: Image.Image, budget: MemoryBudget, held: ExitStack) -> Im
             f" memory, {budget.total / 2**30:.1f} GiB, may be used"
         )
     held.enter_context(budget.taking(needed))
-    return _rgb(image)
 
 
-def _rgb(image: Image.Image) -> Image.Image:
+def rgb_of(image: Image.Image) -> Image.Image:
+    """Decode a picture for which memory was taken, to 8-bit RGB."""
     if image.mode.startswith("I;16") or image.mode == "I":
         grey = np.empty((image.height, image.width), np.uint8)
         for top in range(0, image.height, _STRIP_ROWS):

@@ -57,7 +57,7 @@ def parsed(text: str) -> Document:
         return Document(_Loader("").construct_document(root), lines)
     except yaml.MarkedYAMLError as error:
         raise _mistake(error) from error
-    except ValueError as error:  # `!!int many`: nobody writes this, and it carries no line
+    except (ValueError, KeyError) as error:  # `!!int many`, `!!bool maybe`: nobody writes this, and it carries no line
         raise Mistake(1, f"a value is not what its tag says: {error}") from error
 
 

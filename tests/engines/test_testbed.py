@@ -46,7 +46,7 @@ def test_photographs_and_truth_are_apart_and_complete(town):
     times = []
     for name in names:
         with Image.open(town / TOWN_PHOTOS / name) as image:
-            exif = read_exif(image)
+            exif = read_exif(image, image.size)
         assert exif.focal_px == pytest.approx(CONFIG.focal_px, rel=1e-3)
         times.append(exif.time)
     assert times == sorted(set(times))
@@ -141,6 +141,6 @@ def test_every_fault_at_once_still_makes_a_flight(tmp_path):
     outcome = run({}, config, tmp_path, lambda *_: None)
     assert outcome.metrics["photos"] == 4
     with Image.open(tmp_path / TOWN_PHOTOS / photo_name(3)) as image:
-        exif = read_exif(image)
+        exif = read_exif(image, image.size)
         assert image.size == (160, 120)
     assert np.isnan(exif.focal_px) and np.isnan(exif.lat_deg) and exif.time is not None

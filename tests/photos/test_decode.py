@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import ExifTags, Image, ImageFilter
+from PIL.PngImagePlugin import PngImageFile
 
 from aug3d_core.photos import decode as module
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.decode import decode, measure_sharpness
-from aug3d_core.run import picture
 from aug3d_core.run.memory import MemoryBudget
 from aug3d_core.run.picture import PictureError
 from tests.photos.photo_files import pixels, write_photo
@@ -110,7 +110,7 @@ def test_what_takes_more_memory_than_may_be_used_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The header says so; a JPEG decodes at a fraction of its size and takes less."""
-    monkeypatch.setattr(picture, "_rgb", lambda image: pytest.fail("it was decoded"))
+    monkeypatch.setattr(PngImageFile, "load", lambda image: pytest.fail("it was decoded"))
     path = write_photo(tmp_path / "a.png", size=(1000, 800))
     with pytest.raises(PictureError, match=r"too large: 1000x800 px take 0\.0 GiB to decode; a quarter of the memory"):
         decode(path, path.name, tmp_path / "copy.png", PhotosConfig(), MemoryBudget(9_000_000))

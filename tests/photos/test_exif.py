@@ -20,7 +20,7 @@ GPS = ExifTags.GPS
 
 def exif_of(tmp_path: Path, suffix: str = ".jpg", **tags: Any) -> Exif:
     with Image.open(write_photo(tmp_path / f"photo{suffix}", **tags)) as image:
-        return read_exif(image)
+        return read_exif(image, image.size)
 
 
 def test_no_exif_is_unknown(tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ def refusal(text: str | bytes) -> str:
         ("tags: &a [*a]", 1, "a reference (& and *) cannot be followed here"),
         ("photos: null\n? [a]\n: b", 2, "unhashable key"),
         ("photos: !!python/object:os.system x", 1, "makes no plain value: leave it out"),
+        ("photos: null\nsettings: !!bool maybe", 1, "a value is not what its tag says"),
         ("photos: null\ntags: !!int many", 1, "a value is not what its tag says"),
         ("photos: null\n5: 6", 2, "5 = 5: keys should be strings"),
         ("a: 1\n---\nb: 2", 2, "expected a single document"),

@@ -19,7 +19,7 @@ def save(path, seed: int = 0, stamp: Stamp = STAMP, noise: float = 1.3):
 def test_the_photograph_says_what_the_camera_knew(tmp_path):
     save(tmp_path / "a.jpg")
     with Image.open(tmp_path / "a.jpg") as image:
-        exif = read_exif(image)
+        exif = read_exif(image, image.size)
         assert image.format == "JPEG" and image.size == (16, 12)
     assert exif.focal_px == pytest.approx(TownConfig(width_px=640).focal_px * 16 / 640, rel=1e-3)
     assert exif.lat_deg == pytest.approx(STAMP.place[0], abs=1e-8)
@@ -40,7 +40,7 @@ def test_the_bytes_depend_on_the_arguments_alone(tmp_path):
 def test_what_the_camera_does_not_know_is_not_written(tmp_path):
     save(tmp_path / "a.jpg", stamp=UNKNOWN)
     with Image.open(tmp_path / "a.jpg") as image:
-        exif = read_exif(image)
+        exif = read_exif(image, image.size)
     assert np.isnan(exif.focal_px) and np.isnan(exif.lat_deg) and np.isnan(exif.alt_m)
     assert exif.time == STAMP.time
 
@@ -48,7 +48,7 @@ def test_what_the_camera_does_not_know_is_not_written(tmp_path):
 def test_below_sea_level(tmp_path):
     save(tmp_path / "a.jpg", stamp=Stamp(STAMP.time, 27, (10.0, 20.0, -12.5)))
     with Image.open(tmp_path / "a.jpg") as image:
-        assert read_exif(image).alt_m == pytest.approx(-12.5)
+        assert read_exif(image, image.size).alt_m == pytest.approx(-12.5)
 
 
 def test_noise_is_as_strong_as_asked(tmp_path):
