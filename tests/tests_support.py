@@ -123,3 +123,18 @@ def wait_until_dead(pid: int) -> None:
             return
         time.sleep(0.05)
     raise AssertionError(f"process {pid} lives on")
+
+
+def rot(file: Path, content: bytes) -> None:
+    """Replace what is in a file as a disk does that lost bits: size and time stay."""
+    stat = file.stat()
+    file.write_bytes(content)
+    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+
+
+def flip(file: Path, bit: int | None = None) -> None:
+    """Change one bit of a file as a disk does; None for one in the middle."""
+    content = bytearray(file.read_bytes())
+    at = 4 * len(content) if bit is None else bit
+    content[at // 8] ^= 1 << (at % 8)
+    rot(file, bytes(content))

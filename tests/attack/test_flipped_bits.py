@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.verification import damaged, items_of
 from tests.photos.photo_files import write_photo
+from tests.tests_support import flip, rot
 
 HARMLESS = {LOG}  # for people; nothing reads it
 
@@ -55,7 +55,7 @@ def test_a_flipped_bit_in_any_file_is_named_and_the_object_made_again(tmp_path: 
         else:
             assert [file.is_relative_to(one.path) for one in found] == [True], file
             counts["named"] += 1
-        write(file, before)
+        rot(file, before)
     print(f"\n{counts}")
     assert counts["named"] >= 12
     photos = records["photos"]
@@ -71,16 +71,3 @@ def made(store: Store, photos: Path) -> dict[str, Record]:
 
     visits = walk(store, (PHOTOS, MATCHING), scene_config("tiny"), Material(photos=photos), make)
     return {visit.step.name: visit.built.record for visit in visits if visit.built}
-
-
-def flip(file: Path, bit: int) -> None:
-    content = bytearray(file.read_bytes())
-    content[bit // 8] ^= 1 << (bit % 8)
-    write(file, bytes(content))
-
-
-def write(file: Path, content: bytes) -> None:
-    """Replace what is in a file as a disk does: size and time stay."""
-    stat = file.stat()
-    file.write_bytes(content)
-    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from aug3d_core.store.damage import DamagedError
 from aug3d_core.store.store import Store
 from tests.flows.stand_in import FEW, Stages
 from tests.stand_in_stages import MADE
+from tests.tests_support import flip
 
 CONFIG = scene_config("tiny")
 
@@ -53,14 +53,6 @@ def made(store: Store, material: Material, plan: bool = False) -> dict[str, Buil
 
     known = {visit.step.name: visit for visit in planned(store, material, CONFIG)} if plan else None
     return {v.step.name: v.built for v in walk(store, FEW, CONFIG, material, make, plan=known) if v.built}
-
-
-def flip(file: Path) -> None:
-    """Change one bit as a disk does: size and time stay."""
-    stat, content = file.stat(), bytearray(file.read_bytes())
-    content[-1] ^= 1
-    file.write_bytes(content)
-    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 @pytest.mark.parametrize("plan", [False, True])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -19,6 +18,7 @@ from aug3d_core.run.files import JOB
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 from tests.photos.photo_files import write_photo
+from tests.tests_support import flip
 
 STAGES = (PHOTOS, MATCHING)
 
@@ -42,13 +42,6 @@ def made(tmp_path: Path) -> tuple[Store, dict[str, Record]]:
     return store, {
         visit.step.name: visit.built.record for visit in walk(store, STAGES, config, material, make) if visit.built
     }
-
-
-def flip(file: Path) -> None:
-    stat, content = file.stat(), bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 4
-    file.write_bytes(content)
-    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 @pytest.mark.slow

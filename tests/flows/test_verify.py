@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from aug3d_core.heads.files import MODEL_WEIGHTS
 from aug3d_core.store.store import Store
 from flows.cli import app
-from tests.store.test_verification import an_object, flip
+from tests.store.test_verification import an_object
+from tests.tests_support import flip
 
 
 def verified(home: Path, *words: str) -> tuple[int, dict]:

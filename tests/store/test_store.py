@@ -19,6 +19,7 @@ from aug3d_core.store.damage import DamagedError
 from aug3d_core.store.record import Record
 from aug3d_core.store.seal import SEAL, sealed
 from aug3d_core.store.store import Store
+from tests.tests_support import flip
 
 FIELDS = {
     "recipe": "r1",
@@ -99,14 +100,6 @@ def test_a_record_of_a_newer_version_is_read(tmp_path: Path) -> None:
     del told[SEAL]
     file.write_bytes(sealed(told | {"joules": 3.0}))
     assert store.find("photos", "k1") == record
-
-
-def flip(file: Path, bit: int) -> None:
-    """Change one bit as a disk does: size and time stay."""
-    stat, content = file.stat(), bytearray(file.read_bytes())
-    content[bit // 8] ^= 1 << bit % 8
-    file.write_bytes(content)
-    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 def test_a_flipped_bit_is_seen_by_whoever_reads_and_the_object_goes_out_of_sight(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from aug3d_core.store.seal import sealed
 from aug3d_core.store.store import Store
 from aug3d_core.store.verification import damaged, items_of, size_of
 from tests.stand_in_stages import EMPTY
+from tests.tests_support import flip
 
 
 def an_object(store: Store, key: str, content: bytes = b"0123456789") -> tuple[str, str]:
@@ -38,13 +38,6 @@ def store(tmp_path: Path) -> Store:
     write_metrics(version, {"scene": "hill", "objects": {"sfm": {"stage": stage, "key": key}}})
     publish(store, "hill", version)
     return store
-
-
-def flip(file: Path, bit: int) -> None:
-    stat, content = file.stat(), bytearray(file.read_bytes())
-    content[bit // 8] ^= 1 << (bit % 8)
-    file.write_bytes(content)
-    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 def found(store: Store, scene: str | None = None):
