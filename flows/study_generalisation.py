@@ -76,6 +76,7 @@ def _outcome(result: Generalised) -> str:
 
 def print_findings(console: Console, found: GeneralisationFindings) -> None:
     """Print the table, and the differences between ways."""
+    from aug3d_core.judging.names import called
     from aug3d_core.studies.generalisation.findings import CHEAP, order
     from aug3d_core.studies.generalisation.page import HEADS, cells, over
 
@@ -83,7 +84,7 @@ def print_findings(console: Console, found: GeneralisationFindings) -> None:
     table = Table(
         *HEADS[:3], title=f"generalisation of {found.collection}; leads over cheap answers in dB, 95 % intervals"
     )
-    for heading in (*HEADS[3:], *(cheap.replace("_", " ") for cheap in CHEAP)):
+    for heading in (*HEADS[3:], *map(called, CHEAP)):
         table.add_column(heading, justify="right")
     for row in sorted(found.rows, key=order):
         table.add_row(*cells(row), *over(row))

@@ -14,6 +14,7 @@ from rich.table import Table
 from aug3d_core.factory.config import AUTO
 from aug3d_core.factory.plan import stage_of
 from aug3d_core.heads.config import title_of
+from aug3d_core.judging.names import called
 from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
 from flows.display import figure
@@ -90,7 +91,7 @@ def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
         f"{nvs['test_ssim_mean']:.3f}",
     )
     for name, psnr in nvs["cheap"].items():
-        table.add_row(name.replace("_", " "), "-" if psnr is None else f"{psnr:.2f}", "")
+        table.add_row(called(name), "-" if psnr is None else f"{psnr:.2f}", "")
     return table
 
 

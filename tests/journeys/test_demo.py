@@ -74,7 +74,11 @@ def test_show_tells_the_same(first: dict[str, Any], home: Path) -> None:
     written = json.loads(Path(first["paths"]["metrics"]).read_text())
     assert json.loads(done.stdout) == {name: value for name, value in written.items() if name not in (SEAL, DIGESTS)}
     readable = subprocess.run([aug3d, "show", "demo", "--home", str(home)], capture_output=True, text=True)
-    assert "plane sweep" in readable.stdout and "report.html" in readable.stdout
+    assert (
+        "plane sweep" in readable.stdout
+        and "sweep without learning" in readable.stdout
+        and "report.html" in readable.stdout
+    )
 
 
 def test_mlflow_holds_the_run(first: dict[str, Any], home: Path) -> None:

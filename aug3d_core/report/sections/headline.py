@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 from aug3d_core.heads.config import title_of
+from aug3d_core.judging.names import called
 from aug3d_core.report.html import duration, spaced, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.svg import Bar, bars
@@ -76,8 +77,8 @@ def _beside_cheap(nvs: Mapping[str, Any]) -> str:
     model = nvs["test_psnr_mean"]
     cheap = sorted(((v, k) for k, v in nvs["cheap"].items() if v is not None), reverse=True)
     rows = [Bar(title_of(nvs.get("head")), model, f"{model:.2f} dB", (low, high), main=True)]
-    rows += [Bar(name.replace("_", " "), value, f"{value:.2f} dB") for value, name in cheap]
-    rows += [Bar(name.replace("_", " "), None, "no answer") for name, value in nvs["cheap"].items() if value is None]
+    rows += [Bar(called(name), value, f"{value:.2f} dB") for value, name in cheap]
+    rows += [Bar(called(name), None, "no answer") for name, value in nvs["cheap"].items() if value is None]
     folds = nvs.get("fold_psnr_means", [])
     words = [
         tag("div", f"{model:.2f} <small>dB PSNR</small>", class_="big"),

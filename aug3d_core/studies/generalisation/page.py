@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from aug3d_core.heads.config import title_of
+from aug3d_core.judging.names import called
 from aug3d_core.report.html import duration, picture, table
 from aug3d_core.report.story import GAINS
 from aug3d_core.studies.common.page import notes
@@ -82,7 +83,7 @@ def over(row: Row) -> list[str]:
 
 def _tables(found: GeneralisationFindings) -> str:
     rows = sorted(found.rows, key=order)
-    heads = [*HEADS, *(f"over {cheap.replace('_', ' ')} [dB]" for cheap in CHEAP)]
+    heads = [*HEADS, *(f"over {called(cheap)} [dB]" for cheap in CHEAP)]
     scores = table(heads, [[*cells(row), *over(row)] for row in rows], numeric=range(3, len(heads)))
     against = [[name, lead.text()] for name, lead in found.against.items()]
     return scores + (table(("paired", "difference [dB]"), against, numeric=(1,)) if against else "")
