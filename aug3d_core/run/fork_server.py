@@ -112,7 +112,10 @@ def _become(package: str, job: str, log: str, environment: dict[str, str]) -> No
         os.close(held)  # the server lives as long as anybody holds this pipe: only the factory shall
     os.environ.clear()
     os.environ.update(environment)
-    nothing, output = os.open(os.devnull, os.O_RDONLY), os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    try:
+        nothing, output = os.open(os.devnull, os.O_RDONLY), os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    except OSError as error:
+        sys.exit(error.errno)  # as a stage that cannot write its error
     for source, end in ((nothing, 0), (output, 1), (output, 2)):
         os.dup2(source, end)
     os.close(nothing)

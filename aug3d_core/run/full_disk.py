@@ -12,6 +12,7 @@ from pathlib import Path
 from aug3d_core.run.errors import DiskFull
 
 NO_ROOM_BYTES = 8 * 2**20  # free space below which a failure that has no other name is the disk's
+NO_ROOM_ERRORS = (errno.ENOSPC, errno.EDQUOT)  # also the exit codes of a stage that could not write why it ended
 _MIB = 2**20
 # What libraries say that keep only the words of the system's error; the last is SQLite's
 _WORDS = (os.strerror(errno.ENOSPC), os.strerror(errno.EDQUOT), "database or disk is full")
@@ -59,7 +60,7 @@ def _came_of(error: BaseException | None) -> Iterator[BaseException]:
 
 
 def _means_it(error: BaseException) -> bool:
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+    if isinstance(error, OSError) and error.errno in NO_ROOM_ERRORS:
         return True
     if isinstance(error, sqlite3.Error) and getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
         return True

@@ -22,7 +22,7 @@ import psutil
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME, PROGRESS, SPENT
 from aug3d_core.run.fork_server import start
-from aug3d_core.run.full_disk import NO_ROOM_BYTES, disk_remedy, free_bytes, says_disk_full
+from aug3d_core.run.full_disk import NO_ROOM_BYTES, NO_ROOM_ERRORS, disk_remedy, free_bytes, says_disk_full
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, Limits, limits_from
 from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.memory_meter import MemoryMeter
@@ -138,6 +138,7 @@ def _watch(
             return cost, ("memory", f"it used {cost.peak_mib:.0f} MiB; the limit is {limits.mib:.0f} MiB")
         time.sleep(_POLL_S)
     report()
+    look(cost)  # it may have ended of a disk that was full only since the last look
     return cost, None
 
 
@@ -202,6 +203,8 @@ def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) ->
         told = None
     if told is not None:
         return told["cause"], told["problem"], told["remedy"]
+    if returncode in NO_ROOM_ERRORS:
+        return "disk", "not even its error could be written", ""
     if returncode == -signal.SIGKILL:
         return (
             "killed",

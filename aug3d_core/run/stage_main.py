@@ -38,7 +38,7 @@ class Job(BaseModel):
 
 
 def main() -> None:
-    """Run the job named on the command line; exit code 0, or 1 with `error.json`."""
+    """Run the job named on the command line; exit code 0, or 1 with `error.json`, or the error number that kept it out."""
     if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
         print("usage: python -m aug3d_core.<package> job.json\n\nRun one stage again, exactly as the factory ran it.")
         sys.exit(0 if "-h" in sys.argv[1:2] or "--help" in sys.argv[1:2] else 2)
@@ -50,8 +50,10 @@ def main() -> None:
         run_job(Job.model_validate_json(job_file.read_bytes()), job_file.parent)
     except Exception as error:
         traceback.print_exc()
-        with suppress(OSError):  # a full disk: the factory sees that there is no room
+        try:
             write_synced(job_file.parent / ERROR, json.dumps(_described(error)).encode())
+        except OSError as unwritten:
+            sys.exit(unwritten.errno)  # that of a full disk says so
         sys.exit(1)
 
 
