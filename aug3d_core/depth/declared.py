@@ -22,5 +22,6 @@ DEPTH = Stage(
         neither="photos engine engine_reason depth_width_px points baseline_points planes_median planes_reason",
     ),
     decidable=("max_px", "plane_step_px"),
+    resumable=True,
     reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
 )

@@ -19,7 +19,10 @@ class PhotoTask(Frozen):
 
 
 class DepthJob(Frozen):
-    """A share of the photographs. `sweep` writes raw depth into `raw`; `compare` then keeps what others confirm."""
+    """A share of the photographs. `sweep` writes raw depth into `raw`; `compare` then keeps what others confirm.
+
+    What an earlier try has written is left as it is.
+    """
 
     step: Literal["sweep", "compare"]
     views: Path

@@ -7,7 +7,6 @@ domes grow from, holds nothing of any other; `baseline_fused.npz` may use every 
 from __future__ import annotations
 
 import shutil
-import tempfile
 import time
 from pathlib import Path
 
@@ -16,7 +15,16 @@ import numpy as np
 from aug3d_core.depth.cameras import depth_sizes
 from aug3d_core.depth.config import DepthConfig
 from aug3d_core.depth.decisions import decisions
-from aug3d_core.depth.files import BASELINE_FUSED, DENSE_WORKSPACE, DEPTH_MAPS, DEPTH_SHEET, FUSED, geometric_map_name
+from aug3d_core.depth.files import (
+    BASELINE_FUSED,
+    DENSE_WORKSPACE,
+    DEPTH_MAPS,
+    DEPTH_SHEET,
+    FUSED,
+    RAW,
+    geometric_map_name,
+    planes_name,
+)
 from aug3d_core.depth.fusion import fuse
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.launch import run_jobs
@@ -57,7 +65,8 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     write_workspace(workspace, views, sizes, points, tracks, images, usable)
     write_patch_match_list(workspace, views, {view: chosen[: config.sources] for view, chosen in sources.items()})
     started = time.monotonic()
-    planes: list[float] = []
+    planes: list[int] = []
+    swept = 0
     if engine == "patch_match":
         patch_match(workspace)
     else:
@@ -72,8 +81,11 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
             for view in usable
             for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
         ]
+        (out / RAW).mkdir(exist_ok=True)
+        swept = sum((out / RAW / planes_name(int(views.photo_id[view]))).exists() for view in usable)
         planes = _sweep(tasks, inputs["sfm"], workspace, config, progress)
-    seconds = time.monotonic() - started
+        shutil.rmtree(out / RAW)
+    seconds, made = time.monotonic() - started, len(usable) - swept
     fused = fuse(workspace, views, [view for view in usable if train[view]])
     fused.save(out / FUSED)
     baseline = fuse(workspace, views, usable)
@@ -85,7 +97,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         "photos": len(usable),
         "engine": engine,
         "engine_reason": reason,
-        "seconds_per_photo": round(seconds / len(usable), 3),
+        "seconds_per_photo": round(seconds / made, 3) if made else None,  # None: an earlier try made them
         "depth_width_px": int(np.median(sizes[usable, 0])),
         "consistent_share": round(share, 4),
         "points": len(fused.xyz),
@@ -106,7 +118,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     )
 
 
-def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[float]:
+def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[int]:
     """Sweep all photographs, then compare their maps; return the planes tried for each."""
     done = 0
 
@@ -115,22 +127,21 @@ def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConf
         done += 1
         progress(done, 2 * len(tasks), "searching depth" if done <= len(tasks) else "comparing depth maps")
 
-    with tempfile.TemporaryDirectory(dir=workspace.parent) as raw:
-        common = DepthJob(
-            step="sweep",
-            views=sfm / VIEWS,
-            images=sfm / VIEW_IMAGES,
-            raw=Path(raw),
-            workspace=workspace,
-            max_px=config.max_px,
-            plane_step_px=config.plane_step_px,
-            tasks=(),
-        )
-        shares = [tuple(tasks[i::WORKERS]) for i in range(WORKERS)]
-        jobs = [common.model_copy(update={"tasks": share}) for share in shares if share]
-        planes = run_jobs(jobs, tick)
-        run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
-    return [count for share in planes for count in share]
+    common = DepthJob(
+        step="sweep",
+        views=sfm / VIEWS,
+        images=sfm / VIEW_IMAGES,
+        raw=workspace.parent / RAW,
+        workspace=workspace,
+        max_px=config.max_px,
+        plane_step_px=config.plane_step_px,
+        tasks=(),
+    )
+    shares = [tuple(tasks[i::WORKERS]) for i in range(WORKERS)]
+    jobs = [common.model_copy(update={"tasks": share}) for share in shares if share]
+    planes = run_jobs(jobs, tick)
+    run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
+    return [int(count) for share in planes for count in share]
 
 
 def _consistent_share(out: Path, views: Views, chosen: list[int]) -> float:

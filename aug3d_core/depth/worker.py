@@ -1,8 +1,8 @@
 """The depth process: `python -m aug3d_core.depth.worker job.json` works through one share of the photographs.
 
 A process of its own, because OpenCV and pycolmap in one process corrupt memory; on one thread, so that two of them fill two
-cores and a photograph's result does not depend on how many there are. It reports a number for each photograph done: the
-planes tried in a sweep, the share kept in a comparison.
+cores and a photograph's result does not depend on how many there are. What a killed try has written whole is not made again.
+A sweep reports for each photograph how many planes were tried.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from aug3d_core.depth.cameras import Camera, camera_of, depth_sizes
 from aug3d_core.depth.coherence import filled, without_islands
 from aug3d_core.depth.consistency import DepthMap, confirm
-from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
+from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name, planes_name
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.normals import normals_of
 from aug3d_core.depth.search import Range, families_for, ranges_for, reduced
@@ -24,6 +24,7 @@ from aug3d_core.depth.sweep import Photo, sweep
 from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import image_name
+from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.helper_process import begin
 
 LEAST_SCORE = 0.4
@@ -64,6 +65,9 @@ class _Share:
 
 def sweep_photo(share: _Share, task: PhotoTask) -> int:
     """Write the raw depth map of one photograph and return the number of planes tried."""
+    told = share.job.raw / planes_name(int(share.views.photo_id[task.view]))
+    if told.exists():
+        return int(told.read_text())
     reference, sources = share.photo(task.view), [share.photo(view) for view in task.sources]
     step_px = share.job.plane_step_px
     ranges = ranges_for(reference, sources, task, step_px)
@@ -72,6 +76,7 @@ def sweep_photo(share: _Share, task: PhotoTask) -> int:
         coarse, _ = _certain(reduced(reference, by), [reduced(source, by) for source in sources], ranges, step_px)
         depth = filled(depth, coarse)
     write_map(share.raw_path(task.view), depth)
+    write_synced(told, str(planes).encode())
     return planes
 
 
@@ -83,16 +88,18 @@ def _certain(reference: Photo, sources: list[Photo], ranges: list[Range], step_p
     return without_islands(depth), sum(len(family.inverse_distance) for family in families)
 
 
-def compare_photo(share: _Share, task: PhotoTask) -> float:
-    """Write the depth and normal map of what others confirm, and return the share of pixels that is."""
+def compare_photo(share: _Share, task: PhotoTask) -> None:
+    """Write the depth and, last, the normal map of what others confirm."""
+    name = geometric_map_name(int(share.views.photo_id[task.view]))
+    normals = share.job.workspace / WORKSPACE_NORMAL_MAPS / name
+    if normals.exists():
+        return
     own = share.raw_depth(task.view)
     found = confirm(own, [share.raw_depth(view) for view in task.others])
     depth = np.where(found.agreeing >= ENOUGH_AGREE, found.depth, np.float32(0))
-    name = geometric_map_name(int(share.views.photo_id[task.view]))
     depth = without_islands(depth)
     write_map(share.job.workspace / WORKSPACE_DEPTH_MAPS / name, depth)
-    write_map(share.job.workspace / WORKSPACE_NORMAL_MAPS / name, normals_of(depth, own.camera))
-    return float((depth > 0).mean())
+    write_map(normals, normals_of(depth, own.camera))
 
 
 def main() -> None:
@@ -100,9 +107,12 @@ def main() -> None:
     job, report = begin(DepthJob)
     cv2.setNumThreads(1)
     share = _Share(job)
-    work = sweep_photo if job.step == "sweep" else compare_photo
     for task in job.tasks:
-        report(str(work(share, task)))
+        if job.step == "sweep":
+            report(str(sweep_photo(share, task)))
+        else:
+            compare_photo(share, task)
+            report("")
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ def write_workspace(
         WORKSPACE_NORMAL_MAPS,
         "stereo/consistency_graphs",
     ):
-        (folder / name).mkdir(parents=True)
+        (folder / name).mkdir(parents=True, exist_ok=True)  # a killed try may have left them, with maps
     for view in chosen:
         name = image_name(views.photo_id[view])
         with Image.open(photos / name) as image:

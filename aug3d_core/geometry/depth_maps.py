@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32
 
+from aug3d_core.run.atomic_file import replacing
 from aug3d_core.run.errors import InputError
 
 
 def write_map(path: Path, values: Float32[np.ndarray, "h w *c"]) -> None:
-    """Write a map of one channel (h, w) or several (h, w, c)."""
+    """Write a map of one channel (h, w) or several (h, w, c); it is there whole, or not at all."""
     planes = values if values.ndim == 3 else values[..., None]
     height, width, channels = planes.shape
-    with path.open("wb") as file:
+    with replacing(path, path.with_name(f".{path.name}")) as file:
         file.write(f"{width}&{height}&{channels}&".encode("ascii"))
         file.write(np.ascontiguousarray(planes.transpose(2, 0, 1), "<f4").tobytes())
 

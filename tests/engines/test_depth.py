@@ -21,6 +21,7 @@ from aug3d_core.depth.files import (
     DEPTH_MAPS,
     FUSED,
     NORMAL_MAPS,
+    RAW,
     WORKSPACE_DEPTH_MAPS,
     WORKSPACE_NORMAL_MAPS,
     geometric_map_name,
@@ -209,6 +210,30 @@ def test_the_number_of_workers_changes_nothing(
     monkeypatch.setattr(depth_stage, "WORKERS", 1)
     find_depth(inputs, tmp_path)
     assert files(tmp_path) == files(found[0])
+
+
+def test_killed_in_both_steps_it_goes_on_and_ends_in_the_same_bytes(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path
+) -> None:
+    """What a try has made is not made again: the raw maps keep their time until the comparison ends."""
+    photos = found[1].metrics["photos"]
+    assert isinstance(photos, int)
+    times: list[dict[str, int]] = []
+    for at in (4, photos + 4):
+
+        def kill(done: int, total: int, what: str, at: int = at) -> None:
+            if done == at:
+                times.append({file.name: file.stat().st_mtime_ns for file in (tmp_path / RAW).glob("[!.]*.planes")})
+                for child in psutil.Process().children():
+                    child.kill()
+
+        with pytest.raises(WorkerDied, match="SIGKILL"):
+            run(inputs, DepthConfig(max_px=MAP_PX), tmp_path, kill)
+    assert 1 < len(times[0]) < photos == len(times[1])
+    assert times[0].items() <= times[1].items()
+    outcome = find_depth(inputs, tmp_path)
+    assert files(tmp_path) == files(found[0])
+    assert outcome.metrics == found[1].metrics | {"seconds_per_photo": None}
 
 
 def cuda(monkeypatch: pytest.MonkeyPatch, devices: int) -> None:
