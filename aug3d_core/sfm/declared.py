@@ -26,6 +26,7 @@ MATCHING = Stage(
         ),
     ),
     decidable=("first_octave",),
+    resumable=True,
     grows=True,
 )
 SFM = Stage(

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pycolmap
-from jaxtyping import Int, UInt8
+from jaxtyping import Bool, Int, UInt8
 
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.stage import Progress
@@ -31,29 +31,43 @@ def threads() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def make_database(photos: pd.DataFrame, images: Path, database: Path) -> None:
-    """Enter the photographs, one camera for each distinct key, with its focal length as a prior where it is known."""
-    pycolmap.Database.open(database).close()
+def make_database(photos: pd.DataFrame, images: Path, database: Path) -> bool:
+    """Enter the photographs, one camera for each distinct key, with its focal length as a prior where it is known.
+
+    What a killed try has entered and found is kept; return whether there was any.
+    """
+    if _sound(database):
+        return True
+    made = database.with_name(f"new-{database.name}")
+    _delete(database), _delete(made)
+    pycolmap.Database.open(made).close()
     for _, same_camera in photos.groupby(["camera", "width_px", "height_px"], sort=False):
         pycolmap.import_images(
-            database,
+            made,
             images,
             pycolmap.CameraMode.SINGLE,
             [image_name(photo_id) for photo_id in same_camera["photo_id"]],
             _reader(same_camera),
         )
+    made.rename(database)
+    return False
 
 
 def extract(photos: pd.DataFrame, images: Path, database: Path, config: MatchingConfig, progress: Progress) -> None:
-    """Extract SIFT features of every photograph."""
+    """Extract SIFT features of every photograph that has none yet."""
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = threads()
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
     names = [image_name(photo_id) for photo_id in photos["photo_id"]]
-    for start in range(0, len(names), _PHOTOS_PER_CALL):
-        pycolmap.extract_features(database, images, names[start : start + _PHOTOS_PER_CALL], extraction_options=options)
-        progress(min(start + _PHOTOS_PER_CALL, len(names)), len(names), "photographs searched for features")
+    with pycolmap.Database.open(database) as opened:
+        searched = {image.name for image in opened.read_all_images() if opened.exists_descriptors(image.image_id)}
+    left = [name for name in names if name not in searched]
+    for start in range(0, len(left), _PHOTOS_PER_CALL):
+        chunk = left[start : start + _PHOTOS_PER_CALL]
+        pycolmap.extract_features(database, images, chunk, extraction_options=options)
+        done = len(names) - len(left) + start + len(chunk)
+        progress(done, len(names), "photographs searched for features")
 
 
 def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray, "_ 128"]]:
@@ -70,18 +84,19 @@ def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray,
 
 
 def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress) -> None:
-    """Match the pairs and verify them geometrically."""
+    """Match the pairs and verify them geometrically, those that are not yet."""
     matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
     matching.num_threads = threads()
     verification.ransac.random_seed = config.seed
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = database.with_suffix(".pairs.txt")
-    for start in range(0, len(pairs), _PAIRS_PER_CALL):
-        chunk = pairs[start : start + _PAIRS_PER_CALL]
+    left = pairs[~_verified(pairs, database)]
+    for start in range(0, len(left), _PAIRS_PER_CALL):
+        chunk = left[start : start + _PAIRS_PER_CALL]
         lines = (f"{image_name(i)} {image_name(j)}\n" for i, j in chunk)
         Path(pairing.match_list_path).write_text("".join(lines))
         pycolmap.match_image_pairs(database, matching, pairing, verification)
-        progress(start + len(chunk), len(pairs), "pairs of photographs compared")
+        progress(len(pairs) - len(left) + start + len(chunk), len(pairs), "pairs of photographs compared")
 
 
 def store_sorted(database: Path, target: Path) -> None:
@@ -89,10 +104,39 @@ def store_sorted(database: Path, target: Path) -> None:
 
     Two entries of its header are set first, which otherwise tell whether COLMAP has ever deleted something.
     """
+    target.unlink(missing_ok=True)  # a killed try may have begun it
     with closing(sqlite3.connect(database)) as connection:
         connection.execute("PRAGMA auto_vacuum = NONE")
         connection.execute("PRAGMA schema_version = 1")
         connection.execute("VACUUM INTO ?", (str(target),))
+
+
+def image_ids(database: pycolmap.Database) -> dict[int, int]:
+    """Return the database's id of each photograph."""
+    ids = {image.name: image.image_id for image in database.read_all_images()}
+    return {photo: ids[image_name(photo)] for photo in range(len(ids))}
+
+
+def _verified(pairs: Int[np.ndarray, "m 2"], database: Path) -> Bool[np.ndarray, " m"]:
+    with pycolmap.Database.open(database) as opened:
+        ids = image_ids(opened)
+        return np.array([opened.exists_two_view_geometry(ids[i], ids[j]) for i, j in pairs.tolist()], bool)
+
+
+def _sound(database: Path) -> bool:
+    """Say whether there is a database that a power cut has not torn: COLMAP leaves syncing to the system."""
+    if not database.exists():
+        return False
+    try:
+        with closing(sqlite3.connect(database)) as connection:
+            return connection.execute("PRAGMA quick_check").fetchone() == ("ok",)
+    except sqlite3.DatabaseError:
+        return False
+
+
+def _delete(database: Path) -> None:
+    for end in ("", "-journal", "-wal", "-shm"):
+        database.with_name(database.name + end).unlink(missing_ok=True)
 
 
 def _reader(same_camera: pd.DataFrame) -> pycolmap.ImageReaderOptions:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
+import shutil
 import time
 from pathlib import Path
 
@@ -21,34 +21,39 @@ from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
 from aug3d_core.sfm.matching_table import matching_table
 from aug3d_core.sfm.pairs import Choice, choose_pairs
 
+UNSORTED = "unsorted"  # while the stage works
 _FEW_FEATURES = 100
 _NAMED = 5
 _WORTH_A_NOTE = 0.1  # of the photographs with a position
 
 
 def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -> Outcome:
-    """Extract features and match the pairs that are worth it, copying what is known from an earlier output."""
+    """Extract features and match the pairs that are worth it, copying what is known from an earlier output.
+
+    A killed try is gone on with: what it found is in its database.
+    """
     pycolmap.logging.minloglevel = 1
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     image_sha256 = reuse.digests(photos, images)
     clock = _Clock()
-    with tempfile.TemporaryDirectory(dir=out) as scratch:
-        earlier = reuse.best_earlier(image_sha256, inputs.get(EARLIER), Path(scratch))
-        database = Path(scratch) / FEATURES
-        features.make_database(photos, images, database)
-        reused = np.zeros(len(photos), bool)
-        if earlier:
-            reuse.copy_features(earlier, database)
-            reused = earlier.known
-        features.extract(photos.loc[~reused], images, database, config, progress)
-        extract_seconds, _ = clock.lap()
-        chooser = _Chooser(photos, database, progress)
-        choice = choose_pairs(photos, config, chooser)
-        coarse_seconds, coarse_cpu_seconds = clock.lap()
-        done = reuse.copy_matches(earlier, choice.pairs, database) if earlier else np.zeros(len(choice.pairs), bool)
-        features.match(choice.pairs[~done], database, config, progress)
-        match_seconds, match_cpu_seconds = clock.lap()
-        features.store_sorted(database, out / FEATURES)
+    (out / UNSORTED).mkdir(exist_ok=True)
+    database = out / UNSORTED / FEATURES
+    resumed = features.make_database(photos, images, database)
+    earlier = reuse.best_earlier(image_sha256, inputs.get(EARLIER), out / UNSORTED)
+    reused = np.zeros(len(photos), bool)
+    if earlier:
+        reuse.copy_features(earlier, database)
+        reused = earlier.known
+    features.extract(photos, images, database, config, progress)
+    extract_seconds, _ = clock.lap()
+    chooser = _Chooser(photos, database, progress)
+    choice = choose_pairs(photos, config, chooser)
+    coarse_seconds, coarse_cpu_seconds = clock.lap()
+    done = reuse.copy_matches(earlier, choice.pairs, database) if earlier else np.zeros(len(choice.pairs), bool)
+    features.match(choice.pairs, database, config, progress)
+    match_seconds, match_cpu_seconds = clock.lap()
+    features.store_sorted(database, out / FEATURES)
+    shutil.rmtree(out / UNSORTED)
     table = matching_table(photos, image_sha256, out / FEATURES)
     table.to_parquet(out / MATCHING_TABLE)
     counts = table["features"].to_numpy(int)
@@ -66,11 +71,14 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
         "pairs_by": choice.by,
         "photos_doubted_gps": len(choice.doubted),
         "pairs_ranked": chooser.ranked,
-        "extract_seconds": extract_seconds,
-        "coarse_seconds": coarse_seconds,
-        "match_seconds": coarse_seconds + match_seconds,
-        "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
     }
+    if not resumed:  # the record tells what all tries cost together
+        metrics |= {
+            "extract_seconds": extract_seconds,
+            "coarse_seconds": coarse_seconds,
+            "match_seconds": coarse_seconds + match_seconds,
+            "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
+        }
     return Outcome(
         metrics=metrics,
         notes=_notes(photos, table, choice),

@@ -18,6 +18,7 @@ import pycolmap
 from jaxtyping import Bool, Int
 
 from aug3d_core.photos.files import image_name
+from aug3d_core.sfm.features import image_ids
 from aug3d_core.sfm.files import FEATURES
 from aug3d_core.sfm.matching_table import read_matching_table
 
@@ -59,21 +60,23 @@ def best_earlier(image_sha256: list[str], folder: Path | None, scratch: Path) ->
 
 
 def copy_features(earlier: Earlier, database: Path) -> None:
-    """Copy keypoints and descriptors of the known photographs."""
+    """Copy keypoints and descriptors of the known photographs, all at once; not twice."""
     with pycolmap.Database.open(earlier.database) as old, pycolmap.Database.open(database) as new:
-        old_id, new_id = _image_ids(old), _image_ids(new)
+        old_id, new_id = image_ids(old), image_ids(new)
         with pycolmap.DatabaseTransaction(new):
             for photo in np.flatnonzero(earlier.known):
                 source, target = old_id[earlier.was[photo]], new_id[photo]
+                if new.exists_descriptors(target):
+                    continue
                 new.write_keypoints(target, old.read_keypoints(source))
                 new.write_descriptors(target, old.read_descriptors(source))
 
 
 def copy_matches(earlier: Earlier, pairs: Int[np.ndarray, "m 2"], database: Path) -> Bool[np.ndarray, " m"]:
-    """Copy what is known of the pairs, failed ones too; return for which nothing is left to do."""
+    """Copy what is known of the pairs, failed ones too, not twice; return for which nothing is left to do."""
     done = np.zeros(len(pairs), bool)
     with pycolmap.Database.open(earlier.database) as old, pycolmap.Database.open(database) as new:
-        old_id, new_id = _image_ids(old), _image_ids(new)
+        old_id, new_id = image_ids(old), image_ids(new)
         same = {
             photo: _camera(old, old_id[earlier.was[photo]]) == _camera(new, new_id[photo])
             for photo in np.flatnonzero(earlier.known)
@@ -85,18 +88,13 @@ def copy_matches(earlier: Earlier, pairs: Int[np.ndarray, "m 2"], database: Path
                 if sources[0] == sources[1] or not old.exists_two_view_geometry(*sources):
                     continue
                 turned = sources[0] > sources[1]
-                matches = old.read_matches(*sources)
-                new.write_matches(*targets, matches[np.argsort(matches[:, 0])] if turned else matches)
-                if not turned and same[one] and same[two]:
+                if not new.exists_matches(*targets):
+                    matches = old.read_matches(*sources)
+                    new.write_matches(*targets, matches[np.argsort(matches[:, 0])] if turned else matches)
+                done[at] = not turned and same[one] and same[two]
+                if done[at] and not new.exists_two_view_geometry(*targets):
                     new.write_two_view_geometry(*targets, old.read_two_view_geometry(*sources))
-                    done[at] = True
     return done
-
-
-def _image_ids(database: pycolmap.Database) -> dict[int, int]:
-    """Return the database's id of each photograph."""
-    ids = {image.name: image.image_id for image in database.read_all_images()}
-    return {photo: ids[image_name(photo)] for photo in range(len(ids))}
 
 
 def _camera(database: pycolmap.Database, image_id: int) -> tuple:

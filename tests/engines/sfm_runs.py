@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+import signal
+import time
+from collections.abc import Callable, Iterable, Mapping
+from multiprocessing.popen_fork import Popen
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +34,36 @@ def run_stage(
 ) -> dict[str, Any]:
     """Run the stage of a name that reads these inputs; return its outcome, or its error."""
     folder.mkdir(parents=True)
+    process = _start(name, folder, inputs, config)
+    if cpus is not None:
+        os.sched_setaffinity(process.pid, cpus)  # long before it has imported an engine, which counts them
+    return _told(name, folder, process)
+
+
+def run_stage_killed(
+    name: str, folder: Path, inputs: dict[str, Path], moments: Iterable[Callable[[Path], bool]], **config: Any
+) -> dict[str, Any]:
+    """Run the stage, kill it as soon as `moment(its output)` is true, and go on with the next moment; then to its end."""
+    folder.mkdir(parents=True)
+    for moment in moments:
+        process = _start(name, folder, inputs, config)
+        while process.poll() is None and not moment(folder / FILES):
+            time.sleep(0.01)
+        assert process.poll() is None, f"{name} ended before it was killed:\n{log_tail(folder / LOG)}"
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    return _told(name, folder, _start(name, folder, inputs, config))
+
+
+def _start(name: str, folder: Path, inputs: dict[str, Path], config: dict[str, Any]) -> Popen:
     ways, read = (*FROM_PHOTOS, *FROM_POSES, *FROM_MODEL), set(inputs) - {EARLIER}
     stage = next(one for one in ways if one.name == name and set(one.inputs) == read)
     job = Job(stage=name, entry=stage.entry, config=config, inputs=inputs)
     (folder / JOB).write_text(job.model_dump_json())
-    process = start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: "1"})
-    if cpus is not None:
-        os.sched_setaffinity(process.pid, cpus)  # long before it has imported an engine, which counts them
+    return start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: "1"})
+
+
+def _told(name: str, folder: Path, process: Popen) -> dict[str, Any]:
     ended = process.wait(timeout=300)
     for told in (OUTCOME, ERROR):
         if (folder / told).exists():

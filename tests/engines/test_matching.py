@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing, suppress
 from filecmp import cmp
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,9 @@ from PIL import Image
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
+from aug3d_core.sfm.matching_stage import UNSORTED
 from tests.engines.little_scene import FOCAL_PX
-from tests.engines.sfm_runs import outcome_of, run_stage, take_photos
+from tests.engines.sfm_runs import outcome_of, run_stage, run_stage_killed, take_photos
 
 pytestmark = pytest.mark.slow
 
@@ -128,6 +129,57 @@ def test_added_photographs_are_all_that_is_new(flown: tuple[Path, dict[str, Any]
     assert (grown["photos_reused"], grown["pairs_reused"], grown["pairs_tried"]) == (10, 45, 66)
     assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(tmp_path / "grown"))
     assert [(files / FEATURES).read_bytes() for files in earlier] == as_stored
+
+
+def holding(rows: int, table: str, scratch: Path) -> Callable[[Path], bool]:
+    """Return whether a stage's database holds so many rows. A copy is read: COLMAP does not wait for a reader."""
+
+    def moment(files: Path) -> bool:
+        try:
+            for end in ("", "-wal"):
+                with suppress(FileNotFoundError):
+                    shutil.copy(files / UNSORTED / f"{FEATURES}{end}", scratch)
+            with closing(sqlite3.connect(scratch / FEATURES)) as copied:
+                return copied.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0] >= rows
+        except sqlite3.DatabaseError:  # not there yet, or written while it was copied
+            return False
+
+    scratch.mkdir(exist_ok=True)
+    return moment
+
+
+def test_killed_at_many_moments_it_goes_on_and_ends_in_the_same_bytes(
+    flown: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """A power cut may tear the database: then all is searched again."""
+    found: list[int] = []
+
+    def torn(files: Path) -> bool:
+        database = files / UNSORTED / FEATURES
+        found.append(database.stat().st_size)
+        os.truncate(database, 9000)
+        return True
+
+    some = holding(3, "descriptors", tmp_path / "copy")
+    moments = [some, torn, some, holding(12, "descriptors", tmp_path / "copy")]
+    moments.append(holding(20, "two_view_geometries", tmp_path / "copy"))
+    outcome = run_stage_killed("matching", tmp_path / "killed", {"photos": flown[0] / "photos"}, moments)
+    assert found[0] > 9000
+    assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(tmp_path / "killed"))
+    whole = {name: value for name, value in flown[1]["metrics"].items() if not name.endswith("_seconds")}
+    assert outcome["metrics"] == whole
+
+
+def test_what_was_copied_before_a_kill_is_not_copied_twice(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    fewer = take_photos(copy_some(flown[0], tmp_path / "in", [0, 1, 2, 4, 5, 6, 7, 9, 10, 11]), tmp_path / "photos")
+    run_matching(fewer, tmp_path / "fewer")
+    (tmp_path / "earlier").mkdir()
+    (tmp_path / "earlier" / "00").symlink_to(files_of(tmp_path / "fewer"))
+    inputs = {"photos": flown[0] / "photos", EARLIER: tmp_path / "earlier"}
+    moments = [holding(10, "descriptors", tmp_path / "copy"), holding(45, "two_view_geometries", tmp_path / "copy")]
+    outcome = run_stage_killed("matching", tmp_path / "grown", inputs, moments)["metrics"]
+    assert (outcome["photos_reused"], outcome["pairs_reused"], outcome["pairs_tried"]) == (10, 45, 66)
+    assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(tmp_path / "grown"))
 
 
 def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
