@@ -47,8 +47,11 @@ SFM = Stage(
             "weakest_joint_points weakest_joint_share camera_height_units_median"
         ),
     ),
+    resumable=True,
     grows=True,
 )
 # The same output from given poses: with the points beside them, or with points from matches.
-SFM_OF_MODEL = replace(SFM, inputs=("photos", "poses"), entry="aug3d_core.sfm.import_stage:run", grows=False)
+SFM_OF_MODEL = replace(
+    SFM, inputs=("photos", "poses"), entry="aug3d_core.sfm.import_stage:run", resumable=False, grows=False
+)
 SFM_OF_POSES = replace(SFM_OF_MODEL, inputs=("photos", "poses", "matching"))

@@ -39,7 +39,8 @@ def make_database(photos: pd.DataFrame, images: Path, database: Path) -> bool:
     if _sound(database):
         return True
     made = database.with_name(f"new-{database.name}")
-    _delete(database), _delete(made)
+    for file in (database, made):
+        _delete(file)
     pycolmap.Database.open(made).close()
     for _, same_camera in photos.groupby(["camera", "width_px", "height_px"], sort=False):
         pycolmap.import_images(

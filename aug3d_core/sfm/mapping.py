@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import copy
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from scipy.sparse.csgraph import connected_components
 from aug3d_core.run.stage import Progress
 from aug3d_core.sfm import export
 from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.segments import Mapping, map_in_segments
 
 SMALLEST_MODEL = 3
 THREADS = 1
@@ -52,23 +54,34 @@ def reconstruct(
     database: Path,
     photos: pd.DataFrame,
     config: SfmConfig,
+    folder: Path,
     progress: Progress,
     start: pycolmap.Reconstruction | None = None,
 ) -> Mapped:
-    """Map with the mapper that is asked for, or chosen; from `start`, a part of the scene, incrementally."""
+    """Map with the mapper that is asked for, or chosen; from `start`, a part of the scene, incrementally.
+
+    folder: where a killed incremental mapping left its segments, and finds them.
+    """
     mapper, reason = choose_mapper(config.mapper, len(photos), bool(photos["focal_px"].notna().all()))
-    with tempfile.TemporaryDirectory(dir=database.parent) as scratch:
-        if start is not None:
-            mapper, reason = "incremental", "the scene grows from an earlier output"
-        if mapper == "incremental":
-            models = _incremental(images, database, Path(scratch), config.seed, _Counter(len(photos), progress), start)
-        elif mapper == "global":
-            progress(0, len(photos), "photographs placed, all at once")
-            models = pycolmap.global_mapping(database, images, scratch, _global_options(config.seed))
-        else:
-            progress(0, len(photos), "photographs placed, part by part")
-            models = _hierarchical(images, database, scratch, config.seed)
-    parts = [part for model in models.values() for part in parts_of(model)]
+    if start is not None:
+        mapper, reason = "incremental", "the scene grows from an earlier output"
+    if mapper == "incremental":
+        total = len(photos)
+
+        def on_placed(placed: int) -> None:
+            progress(min(placed, total), total, "photographs placed")
+
+        models = map_in_segments(_one_by_one(images, database, config.seed, start, on_placed), folder, start)
+    else:
+        with tempfile.TemporaryDirectory(dir=database.parent) as scratch:
+            if mapper == "global":
+                progress(0, len(photos), "photographs placed, all at once")
+                found = pycolmap.global_mapping(database, images, scratch, _global_options(config.seed))
+            else:
+                progress(0, len(photos), "photographs placed, part by part")
+                found = _hierarchical(images, database, scratch, config.seed)
+            models = list(found.values())
+    parts = [part for model in models for part in parts_of(model)]
     found = [model for model in parts if model.num_reg_images() >= SMALLEST_MODEL]
     return Mapped(sorted(found, key=lambda model: (-model.num_reg_images(), -model.num_points3D())), mapper, reason)
 
@@ -114,30 +127,13 @@ def choose_mapper(asked: str, photos: int, focal_known: bool) -> tuple[str, str]
     return "hierarchical", f"{photos} photographs, too many to map one by one, and not all of known focal length"
 
 
-def _incremental(
-    images: Path,
-    database: Path,
-    scratch: Path,
-    seed: int,
-    placed: _Counter,
-    start: pycolmap.Reconstruction | None,
-) -> dict[int, pycolmap.Reconstruction]:
-    (scratch / "start").mkdir()
-    (scratch / "out").mkdir()
+def _one_by_one(
+    images: Path, database: Path, seed: int, start: pycolmap.Reconstruction | None, on_placed: Callable[[int], None]
+) -> Mapping:
     options = _incremental_options(seed)
     if start is not None:
-        start.write_binary(scratch / "start")
-        placed.placed = start.num_reg_images()
         options.constant_cameras = set(start.cameras)
-    return pycolmap.incremental_mapping(
-        database,
-        images,
-        scratch / "out",
-        options,
-        input_path="" if start is None else scratch / "start",
-        initial_image_pair_callback=placed.restart,
-        next_image_callback=placed.next,
-    )
+    return Mapping(images, database, options, on_placed)
 
 
 def _hierarchical(images: Path, database: Path, scratch: str, seed: int) -> dict[int, pycolmap.Reconstruction]:
@@ -172,18 +168,3 @@ def _hierarchical_options(seed: int) -> pycolmap.HierarchicalPipelineOptions:
     options.clustering_options.leaf_max_num_images = _PART
     options.clustering_options.image_overlap = _SHARED
     return options
-
-
-class _Counter:
-    """Count the photographs of the model that is growing."""
-
-    def __init__(self, total: int, progress: Progress) -> None:
-        self.placed, self.total, self.progress = 0, total, progress
-
-    def restart(self) -> None:
-        self.placed = 2
-        self.progress(self.placed, self.total, "photographs placed")
-
-    def next(self) -> None:
-        self.placed = min(self.placed + 1, self.total)
-        self.progress(self.placed, self.total, "photographs placed")

@@ -26,6 +26,7 @@ from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_
 from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
 from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
 
+MAPPING = "mapping"  # while the stage works
 _LEAST_PLACED = 0.8
 # Below either, lens and poses hold each other up: five photographs had poses off by 4 degrees, six by 0.7, eight by 0.2; 50
 # and 16 points in a photograph (the median) by 4 and 41, 125 by 0.7 (`aug3d study stability --only overlap`)
@@ -40,7 +41,10 @@ _SPOT_NOTE = (
 
 
 def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
-    """Reconstruct the photographs and write the largest model; the others are kept beside it."""
+    """Reconstruct the photographs and write the largest model; the others are kept beside it.
+
+    A killed try is gone on with where its last segment of mapping ended.
+    """
     pycolmap.logging.minloglevel = 1  # warnings only: mapping writes dozens of lines per photograph
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     matching = read_matching_table(inputs["matching"])
@@ -48,7 +52,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
         may_be_one_spot = refuse_one_spot(database)
         earlier = find_earlier(photos, database, inputs.get(EARLIER))
-        mapped = reconstruct(images, database, photos, config, progress, earlier and earlier.model)
+        mapped = reconstruct(images, database, photos, config, out / MAPPING, progress, earlier and earlier.model)
     if not mapped.models:
         raise nothing_found(matching)
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
@@ -57,6 +61,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     alignment, arrays = align_model(chosen.model, photos, np.random.default_rng(config.seed))
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
     write_outputs(chosen.model, arrays, mapped.models[1:], alignment, photos, images, out, known)
+    shutil.rmtree(out / MAPPING, ignore_errors=True)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
     unplaced.to_parquet(out / UNPLACED)

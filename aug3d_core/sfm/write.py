@@ -75,7 +75,7 @@ def write_outputs(
     export.write_undistorted(model, images, out / VIEW_IMAGES, known or {})
     folders = [COLMAP_MODEL, *(f"{OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
     for each, folder in zip([model, *others], folders, strict=True):
-        (out / folder).mkdir(parents=True)
+        (out / folder).mkdir(parents=True, exist_ok=True)
         each.write_binary(out / folder)
     _write_json(_components([model, *others], folders, photos), out / COMPONENTS)
     world = world_record(alignment, photos)
