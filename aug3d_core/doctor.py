@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 import subprocess
 import sys
@@ -10,10 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from aug3d_core.run.errors import UsageError
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, limits_from
 from aug3d_core.run.memory import total_bytes
 from aug3d_core.run.stage import Frozen
+from aug3d_core.store.layout import SHARED_VARIABLE
 
 # Each engine is imported in a process of its own: two native libraries in one process corrupt memory.
 _ENGINES = ("pycolmap", "open3d", "bpy", "torch")
@@ -33,7 +35,8 @@ class Check(Frozen):
 
 def examine(home: Path) -> list[Check]:
     """Look at everything a run needs."""
-    return [_python(), *map(_engine, _ENGINES), _memory(), _limits(), _disk(home), _cores(), _gpu()]
+    here = [_python(), *map(_engine, _ENGINES), _memory(), _limits(), _disk(home), _cores(), _gpu()]
+    return [*here, _shared_store()] if os.environ.get(SHARED_VARIABLE) else here
 
 
 def _python() -> Check:
@@ -92,6 +95,27 @@ def _disk(home: Path) -> Check:
     return Check(
         name="disk", state=state, found=f"{gib:.0f} GiB free at {place}", remedy=f"the demo needs {_NEED_DISK_GIB} GiB"
     )
+
+
+def _shared_store() -> Check:
+    """Try what sharing rests on: of two who create a name one wins, and what was written is listed at once."""
+    from aug3d_core.store.bucket import Bucket
+
+    try:
+        place = Bucket(os.environ[SHARED_VARIABLE])
+        name = f"doctor/{secrets.token_hex(8)}"
+        first, second = place.create(name, b"first"), place.create(name, b"second")
+        listed = place.names("doctor/") + ([] if place.get(name) == b"first" else [""])
+        place.delete([name])
+    except (StoreError, UsageError) as error:
+        return Check(name="store", state="fail", found=error.problem, remedy=error.remedy)
+    if not first or second:
+        found = f"{place.url} lets two create one name (it ignores If-None-Match): two machines would make one thing"
+        return Check(name="store", state="fail", found=found, remedy="use a service that keeps conditional writes")
+    if name not in listed or "" in listed:
+        found = f"{place.url} does not show at once what was written"
+        return Check(name="store", state="fail", found=found, remedy="use a service that lists after a write")
+    return Check(name="store", state="ok", found=f"{place.url}: conditional writes and lists hold")
 
 
 def _cores() -> Check:

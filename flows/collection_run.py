@@ -28,7 +28,7 @@ from aug3d_core.collections.versions import (
 from aug3d_core.scene_files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
-from aug3d_core.store.scenes import write_metrics
+from aug3d_core.store.scenes import share_version, write_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import named
 from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED
@@ -71,6 +71,7 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
     version = new_version(store, name)
     page.write(store, metrics, made, version / layout.REPORT)
     write_metrics(version, metrics)
+    share_version(store, version)
     against = held_back(metrics, version_metrics(last) if last else None, entry.publish.most_psnr_drop_db)
     if not against:
         publish(store, name, version)

@@ -29,6 +29,7 @@ from aug3d_core.store.scenes import (
     published_metrics,
     records_before,
     records_of,
+    share_version,
     version_paths,
     write_metrics,
 )
@@ -123,6 +124,7 @@ def _conclude(
     metrics["flow_run"] = _flow_run()
     write_report(files, metrics, version / layout.REPORT, beside_published(store, metrics, records))
     write_metrics(version, metrics)
+    share_version(store, version)
     metrics["mlflow"] = asdict(log_run(store.root, version))
     artifacts.publish_links(metrics)
     return metrics

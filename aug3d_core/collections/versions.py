@@ -29,6 +29,8 @@ def new_version(store: Store, name: str) -> Path:
 
 def versions(store: Store, name: str) -> list[Path]:
     """Return the folders of the versions that count, oldest first."""
+    if store.shared is not None:
+        store.shared.bring_versions(store.root / layout.COLLECTIONS, check_scene_name(name))
     folder = store.root / layout.COLLECTIONS / check_scene_name(name)
     return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
 
@@ -109,6 +111,8 @@ def published(store: Store, name: str) -> Path | None:
 def publish(store: Store, name: str, version: Path) -> None:
     """Name a version as the one to use."""
     write_synced(_pointer(store, name), sealed({"version": version.name}))
+    if store.shared is not None:
+        store.shared.share_pointer(_pointer(store, name))
 
 
 def model_of(store: Store, name: str) -> Record:

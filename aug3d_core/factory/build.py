@@ -80,8 +80,13 @@ def build(store: Store, work: Work, progress: Progress) -> Built:
         if record is not None and not damage:
             return Built(record, cached=True)
         _check_inputs(store, work)
-        with on_the_side(progress) as report, store.turn(stage.name, report) if stage.alone else nullcontext():
-            made = _compute(store, work, report)
+        with on_the_side(progress) as report, store.lease(stage.name, work.key, report) as ours:
+            if not ours:
+                theirs, _ = store.take(stage.name, work.key)
+                assert theirs, "another machine has made it"
+                return Built(theirs, cached=True)
+            with store.turn(stage.name, report) if stage.alone else nullcontext():
+                made = _compute(store, work, report)
     return Built(made, cached=False, damage=damage and f"{damage}: {_made_again(record, made)}")
 
 

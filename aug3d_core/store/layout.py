@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+SHARED_VARIABLE = "AUG3D_STORE"  # names what several machines share, beside the home folder of each
+
 # The store
 OBJECTS = "objects"
 WORK = "work"

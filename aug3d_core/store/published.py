@@ -39,6 +39,8 @@ def published(store: Store, scene: str) -> Path | None:
 def publish(store: Store, scene: str, version: Path) -> None:
     """Name a complete version as the one to use; the one before stays on the disk until `aug3d gc`."""
     write_synced(_pointer(store, scene), sealed({"version": version.name}))
+    if store.shared is not None:
+        store.shared.share_pointer(_pointer(store, scene))
 
 
 def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most_psnr_drop_db: float) -> str | None:

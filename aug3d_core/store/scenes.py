@@ -27,11 +27,23 @@ def new_version(store: Store, scene: str) -> Path:
     return timed_folder(store.root / layout.SCENES / check_scene_name(scene))
 
 
+def bring_versions(store: Store, scene: str | None = None) -> None:
+    """Bring the versions of a scene, or of all, here that other machines have made, and what is published."""
+    if store.shared is not None:
+        store.shared.bring_versions(store.root / layout.SCENES, scene and check_scene_name(scene))
+
+
 def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
     """Write a version's `metrics.json`, sealed, with the digest of the report; a version counts from this moment."""
     report = version / layout.REPORT
     told = {**metrics, DIGESTS: {layout.REPORT: sha256_of(report)}} if report.exists() else metrics
     write_synced(version / layout.METRICS, sealed(told))
+
+
+def share_version(store: Store, version: Path) -> None:
+    """Give a complete version to the machines that share the store."""
+    if store.shared is not None:
+        store.shared.share_version(version)
 
 
 def version_paths(store: Store, version: Path, records: Mapping[str, Record]) -> dict[str, Any]:
@@ -56,12 +68,14 @@ def masked(text: str) -> str:
 
 def scenes(store: Store) -> list[str]:
     """Return the names of all scenes that have a version."""
+    bring_versions(store)
     files = (store.root / layout.SCENES).glob(f"*/*/{layout.METRICS}")
     return sorted({path.parent.parent.name for path in files if not metrics_fault(path.parent)})
 
 
 def versions(store: Store, scene: str) -> list[Path]:
     """Return the folders of a scene's versions that count, oldest first."""
+    bring_versions(store, scene)
     folder = store.root / layout.SCENES / check_scene_name(scene)
     return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
 

@@ -2,6 +2,9 @@
 
 An object is made in `work/<stage>/<key>/` and moved into place by one rename, its record written last, so a half-written
 object cannot be seen. Work folders survive a kill: a resumable stage goes on where it was.
+
+Where several machines share a store (AUG3D_STORE), each has such a folder of its own: for what it makes, and for what it
+has read of others' objects.
 """
 
 from __future__ import annotations
@@ -29,11 +32,12 @@ from aug3d_core.store.seal import sealed
 
 
 class Store:
-    """Immutable objects under one folder."""
+    """Immutable objects under one folder. shared: what it shares with the stores of other machines, if it does."""
 
     def __init__(self, root: Path) -> None:
         """Open or create the store; raises StoreError if the folder cannot be written."""
         self.root = root.resolve()
+        self.shared = _shared()
         if "?" in str(self.root):
             raise StoreError(
                 f"the store {self.root} has a '?' in its path, which the addresses of MLflow's database cannot hold",
@@ -72,7 +76,11 @@ class Store:
         return self.object_dir(record.stage, record.key) / FILES
 
     def check(self, record: Record, reads: Sequence[str] = ()) -> None:
-        """Compare an object's files, or those named, with their digests; a damaged object is put aside, DamagedError raised."""
+        """Compare an object's files, or those named, with their digests; a damaged object is put aside, DamagedError raised.
+
+        What another machine made is brought here first.
+        """
+        self._bring(record, reads or list(record.files))
         found = self.faults(record, reads)
         if not found:
             return
@@ -87,8 +95,11 @@ class Store:
     def faults(
         self, record: Record, reads: Sequence[str] = (), on_bytes: Callable[[int], None] = lambda count: None
     ) -> list[Fault]:
-        """Return what is wrong with an object's files, or with those named. on_bytes: told what was read, from threads."""
-        entries = {name: record.files[name] for name in reads} if reads else record.files
+        """Return what is wrong with an object's files, or with those named. on_bytes: told what was read, from threads.
+
+        Files of another machine's object that were not brought here are not missing.
+        """
+        entries = {name: record.files[name] for name in reads} if reads else self._here(record)
         return faults(self.place(record), entries, on_bytes)
 
     def work_dir(self, stage: str, key: str) -> Path:
@@ -153,7 +164,7 @@ class Store:
         record = self.record(stage, key)
         if not isinstance(record, Record):
             return None
-        changed = any(_changed(self.place(record) / name, entry) for name, entry in record.files.items())
+        changed = any(_changed(self.place(record) / name, entry) for name, entry in self._here(record).items())
         return None if changed else record
 
     def put_aside(self, record: Record, seen: Fault) -> Path | None:
@@ -170,14 +181,18 @@ class Store:
         """
         found = self.record(stage, key)
         record, wrong = (found, self.faults(found)) if isinstance(found, Record) else (None, [found])
-        if not wrong or not self.object_dir(stage, key).exists():
+        if record and not wrong:
+            return self._agreed(record), ""
+        if not self.object_dir(stage, key).exists():
             return record, ""
         self._aside(stage, key)
         return record, listed(wrong)
 
     def record(self, stage: str, key: str) -> Record | Fault:
-        """Return an object's record, or what is wrong with it."""
+        """Return an object's record, another machine's too, or what is wrong with it."""
         folder = self.object_dir(stage, key)
+        if self.shared is not None and not folder.exists():
+            self.shared.bring_record(stage, key, folder)
         try:
             return read_record(folder / layout.RECORD)
         except (FileNotFoundError, NotADirectoryError):
@@ -213,7 +228,54 @@ class Store:
         target.parent.mkdir(parents=True, exist_ok=True)
         work.rename(target)
         _sync_folder(target.parent)
-        return record
+        return self._agreed(record)
+
+    @contextmanager
+    def lease(self, stage: str, key: str, progress: Progress) -> Iterator[bool]:
+        """Hold the right of this machine, of those that share the store, to make an object; yield False if one has."""
+        if self.shared is None:
+            yield True
+            return
+        from aug3d_core.store.lease import lease
+
+        shared = self.shared
+
+        def waiting(host: str) -> None:
+            progress(0, 1, f"waiting for {host}, which makes it")
+
+        with lease(shared.bucket, f"{stage}/{key}", lambda: shared.has_record(stage, key), waiting) as ours:
+            yield ours
+
+    def _bring(self, record: Record, names: Sequence[str]) -> None:
+        """Bring files of an object here that another machine made."""
+        folder = self.object_dir(record.stage, record.key)
+        if self.shared is None or (
+            not folder.exists() and not self.shared.bring_record(record.stage, record.key, folder)
+        ):
+            return
+        if self.shared.is_shared(folder):
+            missing = [name for name in names if not (folder / FILES / name).exists()]
+            self.shared.bring_files(folder / FILES, {name: record.files[name] for name in missing})
+
+    def _here(self, record: Record) -> dict[str, FileEntry]:
+        """Return the files of an object that should be in this folder: all, or those brought of another machine's."""
+        if self.shared is None or not self.shared.is_shared(self.object_dir(record.stage, record.key)):
+            return record.files
+        return {name: entry for name, entry in record.files.items() if (self.place(record) / name).exists()}
+
+    def _agreed(self, record: Record) -> Record:
+        """Share an object of this machine; return its record, or that of another machine's where there was one first.
+
+        Only for whoever holds the object's lock.
+        """
+        folder = self.object_dir(record.stage, record.key)
+        if self.shared is None or self.shared.is_shared(folder) or self.shared.share(folder, record):
+            return record
+        discard(folder)
+        theirs = self.record(record.stage, record.key)
+        if isinstance(theirs, Fault):
+            raise StoreError(f"the record of {record.stage} {record.key} {theirs.what}", "run the scene again")
+        return theirs
 
     def keep_failure(self, work: Path, stage: str, key: str, *, resumable: bool) -> Path:
         """Put job and log of a failed try where the user can replay it; return that folder, the work folder on a full disk.
@@ -235,6 +297,15 @@ class Store:
         if not resumable:
             shutil.rmtree(work, ignore_errors=True)
         return kept
+
+
+def _shared():
+    url = os.environ.get(layout.SHARED_VARIABLE, "").strip()
+    if not url:
+        return None
+    from aug3d_core.store.shared import shared_at
+
+    return shared_at(url, os.environ.get("AWS_ENDPOINT_URL"), os.environ.get("AWS_ACCESS_KEY_ID"))
 
 
 def file_entry(path: Path) -> FileEntry:

@@ -21,6 +21,8 @@ from aug3d_core.store.seal import SEAL, sealed
 from aug3d_core.store.store import Store
 from tests.tests_support import flip
 
+pytestmark = pytest.mark.usefixtures("either")
+
 FIELDS = {
     "recipe": "r1",
     "config": {},

@@ -1,0 +1,145 @@
+"""Bytes under names at an S3-compatible service: what the shared store asks of it, no more.
+
+A name is put as it is, or only if nothing has it yet (`If-None-Match: *`); of many who try at once one wins. A service that
+does not answer is asked again for a while: work waits and goes on. The door to obstore.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import time
+from collections.abc import Callable
+from datetime import timedelta
+from pathlib import Path
+from typing import TypeVar
+from urllib.parse import urlsplit
+
+import obstore
+from obstore.exceptions import (
+    AlreadyExistsError,
+    GenericError,
+    NotSupportedError,
+    PermissionDeniedError,
+    UnauthenticatedError,
+)
+from obstore.store import S3Store
+
+from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.store.layout import SHARED_VARIABLE as VARIABLE
+
+PATIENCE_S = 600.0  # that a service may be away
+_PAUSE_S = 2.0
+_AWAY_AFTER = timedelta(seconds=20)  # of one request
+_REGION = "us-east-1"  # what services beside Amazon's expect
+_T = TypeVar("_T")
+_log = logging.getLogger(__name__)
+
+
+class Bucket:
+    """A bucket, or a prefix in one. url: s3://BUCKET[/PREFIX]. Address and keys come from the usual AWS_ variables."""
+
+    def __init__(self, url: str) -> None:
+        """Name the bucket without asking for it; raises UsageError if the address is not one."""
+        parts = urlsplit(url)
+        if parts.scheme != "s3" or not parts.netloc or parts.username or parts.query or parts.fragment:
+            raise UsageError(
+                f"{VARIABLE} is not the address of a bucket: it must be s3://BUCKET/PREFIX, with keys in variables",
+                f"set {VARIABLE}=s3://BUCKET/PREFIX, AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and, for a service that is "
+                "not Amazon's, AWS_ENDPOINT_URL",
+            )
+        self.url = f"s3://{parts.netloc}/{parts.path.strip('/')}".rstrip("/")
+        endpoint = os.environ.get("AWS_ENDPOINT_URL", "")
+        region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or _REGION
+        self._service = S3Store(
+            parts.netloc,
+            prefix=parts.path.strip("/") or None,
+            region=region,
+            client_options={"allow_http": endpoint.startswith("http://")},
+            retry_config={"max_retries": 3, "retry_timeout": _AWAY_AFTER},
+        )
+
+    def get(self, name: str) -> bytes | None:
+        """Return what a name holds, None if nothing has it."""
+        try:
+            return self._ask(lambda: obstore.get(self._service, name).bytes().to_bytes())
+        except FileNotFoundError:
+            return None
+
+    def download(self, name: str, file: Path) -> str:
+        """Write what a name holds to a file and return its SHA-256; raises FileNotFoundError if nothing has the name."""
+
+        def download() -> str:
+            digest = hashlib.sha256()
+            with file.open("wb") as opened:
+                for piece in obstore.get(self._service, name).stream():
+                    digest.update(piece)
+                    opened.write(piece)
+            return digest.hexdigest()
+
+        return self._ask(download)
+
+    def has(self, name: str) -> bool:
+        """Say whether a name is there."""
+        try:
+            self._ask(lambda: obstore.head(self._service, name))
+        except FileNotFoundError:
+            return False
+        return True
+
+    def put(self, name: str, content: bytes | Path) -> None:
+        """Put bytes, or a file, under a name."""
+        self._ask(lambda: obstore.put(self._service, name, content))
+
+    def create(self, name: str, content: bytes) -> bool:
+        """Put bytes under a name that nothing has yet; return whether these are there now, because of this call or of one
+        before it whose answer was lost."""
+        try:
+            self._ask(lambda: obstore.put(self._service, name, content, mode="create"))
+        except AlreadyExistsError:
+            return self.get(name) == content
+        return True
+
+    def delete(self, names: list[str]) -> None:
+        """Delete names, those too that are gone."""
+        if names:
+            self._ask(lambda: obstore.delete(self._service, names))
+
+    def names(self, prefix: str) -> list[str]:
+        """Return all names below a prefix, sorted."""
+        found = self._ask(lambda: [each["path"] for part in obstore.list(self._service, prefix) for each in part])
+        return sorted(found)
+
+    def _ask(self, request: Callable[[], _T]) -> _T:
+        """Do a request; while the service is away, again. Raises StoreError that names the store and what it said."""
+        since = None
+        while True:
+            try:
+                return request()
+            except (PermissionDeniedError, UnauthenticatedError) as error:
+                raise StoreError(
+                    f"the store {self.url} does not let us in: {_reason(error)}",
+                    "see AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, and that they may read and write this bucket",
+                ) from error
+            except (GenericError, NotSupportedError) as error:
+                since = since or time.monotonic()
+                if not _away(error) or time.monotonic() - since > PATIENCE_S:
+                    raise StoreError(
+                        f"the store {self.url} cannot be used: {_reason(error)}",
+                        "see AWS_ENDPOINT_URL and that the service runs, then run again: what is finished is kept",
+                    ) from error
+                if since > time.monotonic() - _PAUSE_S:
+                    _log.warning("the store %s does not answer; waiting for it up to %.0f s", self.url, PATIENCE_S)
+                time.sleep(_PAUSE_S)
+
+
+def _away(error: Exception) -> bool:
+    """Say whether a service may be back soon: it could not be reached, or said that it is busy."""
+    said = str(error)
+    return any(word in said for word in ("error sending request", "timed out", "Server returned", "status: 5", " 50"))
+
+
+def _reason(error: Exception) -> str:
+    """Return the first line of what the library says; it names addresses, and no keys."""
+    return str(error).strip().partition("\n")[0]

@@ -1,0 +1,167 @@
+"""What several machines share: objects and versions in a bucket, each put once, whole before it can be seen.
+
+`blobs/<sha256>` holds the bytes of files, `objects/<stage>/<key>/record.json` names them: blobs first, the record last and
+only if there is none. `scenes/<scene>/<version>/` holds a version, its `metrics.json` last. The home of each machine is its
+own: it holds what that machine made and what it has read.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.files import FILES, JOB, LOG
+from aug3d_core.store import layout
+from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.record import FileEntry, Record, read_record
+
+_TOGETHER = 8  # requests at once
+_IS_SHARED = ".shared"  # in the folder of an object or a version: the addresses of the stores that have it
+
+
+class Shared:
+    """The objects and versions in a bucket."""
+
+    def __init__(self, bucket: Bucket) -> None:
+        self.bucket = bucket
+
+    def bring_record(self, stage: str, key: str, target: Path) -> bool:
+        """Put record and job of an object into a folder that is not there yet, without its files; return if there is one."""
+        at = f"{layout.OBJECTS}/{stage}/{key}"
+        record = self.bucket.get(f"{at}/{layout.RECORD}")
+        if record is None:
+            return False
+        part = target.with_name(f"{layout.GONE}{target.name}-{os.getpid()}")
+        shutil.rmtree(part, ignore_errors=True)
+        (part / FILES).mkdir(parents=True)
+        (part / layout.RECORD).write_bytes(record)
+        if (job := self.bucket.get(f"{at}/{JOB}")) is not None:
+            (part / JOB).write_bytes(job)
+        self._mark(part)
+        try:
+            read_record(part / layout.RECORD)
+            part.rename(target)
+        except ValueError as error:
+            raise StoreError(
+                f"{self.bucket.url}/{at}/{layout.RECORD} is damaged ({error})", "delete it, and run the scene again"
+            ) from error
+        except OSError:  # another process has brought it meanwhile
+            shutil.rmtree(part, ignore_errors=True)
+        return True
+
+    def bring_files(self, folder: Path, entries: dict[str, FileEntry]) -> None:
+        """Download files into an object's folder, each whole and as its digest says; raises StoreError."""
+        with ThreadPoolExecutor(_TOGETHER) as pool:
+            list(pool.map(lambda item: self._bring(folder / item[0], item[1]), entries.items()))
+
+    def share(self, folder: Path, record: Record) -> bool:
+        """Put a finished object where all machines see it; return False if another machine's is there already."""
+        entries = {entry.sha256: folder / FILES / name for name, entry in record.files.items()}
+        with ThreadPoolExecutor(_TOGETHER) as pool:
+            list(pool.map(lambda item: self._put_blob(*item), entries.items()))
+        at = f"{layout.OBJECTS}/{record.stage}/{record.key}"
+        for name in (JOB, LOG):
+            if (folder / name).exists():
+                self.bucket.put(f"{at}/{name}", folder / name)
+        if not self.bucket.create(f"{at}/{layout.RECORD}", (folder / layout.RECORD).read_bytes()):
+            return False
+        self._mark(folder)
+        return True
+
+    def has_record(self, stage: str, key: str) -> bool:
+        """Say whether an object is there."""
+        return self.bucket.has(f"{layout.OBJECTS}/{stage}/{key}/{layout.RECORD}")
+
+    def is_shared(self, folder: Path) -> bool:
+        """Say whether this machine knows that the store has an object, or a version."""
+        file = folder / _IS_SHARED
+        return file.exists() and self.bucket.url in file.read_text().splitlines()
+
+    def share_version(self, version: Path) -> None:
+        """Put a version where all machines see it; from then on it counts for them."""
+        at = f"{version.parent.parent.name}/{version.parent.name}/{version.name}"
+        files = sorted(path.relative_to(version).as_posix() for path in version.rglob("*") if path.is_file())
+        for name in sorted(set(files) - {layout.METRICS, _IS_SHARED}):
+            self.bucket.put(f"{at}/{name}", version / name)
+        if not self.bucket.create(f"{at}/{layout.METRICS}", (version / layout.METRICS).read_bytes()):
+            raise StoreError(
+                f"another version is at {self.bucket.url}/{at}", "run again: the version gets a name of its own"
+            )
+        self._mark(version)
+
+    def share_pointer(self, pointer: Path) -> None:
+        """Put the pointer to a published version where all machines see it; the last one counts."""
+        self.bucket.put(f"{pointer.parent.parent.name}/{pointer.parent.name}/{pointer.name}", pointer)
+
+    def bring_versions(self, top: Path, scene: str | None = None) -> None:
+        """Download the versions of a scene, or of all, that this machine lacks, and what is published."""
+        found: dict[tuple[str, str], list[str]] = {}
+        for name in self.bucket.names(f"{top.name}/{scene}/" if scene else f"{top.name}/"):
+            parts = name.split("/")
+            if len(parts) == 3 and parts[2] == layout.PUBLISHED:
+                self._bring_pointer(name, top / parts[1] / parts[2])
+            elif len(parts) > 3 and all(part not in ("", ".", "..") for part in parts):
+                found.setdefault((parts[1], parts[2]), []).append(name)
+        for (of, version), names in found.items():
+            if f"{top.name}/{of}/{version}/{layout.METRICS}" in names and not (top / of / version).exists():
+                self._bring_version(top / of / version, names)
+
+    def _bring_version(self, target: Path, names: Iterable[str]) -> None:
+        part = target.with_name(f"{layout.GONE}{target.name}-{os.getpid()}")
+        shutil.rmtree(part, ignore_errors=True)
+        for name in names:
+            file = part.joinpath(*name.split("/")[3:])
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(self.bucket.get(name) or b"")
+        self._mark(part)
+        try:
+            part.rename(target)
+        except OSError:  # another process has brought it meanwhile
+            shutil.rmtree(part, ignore_errors=True)
+
+    def _bring_pointer(self, name: str, target: Path) -> None:
+        content = self.bucket.get(name)
+        if content and not (target.exists() and target.read_bytes() == content):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            part = target.with_name(f".{target.name}.{os.getpid()}")
+            part.write_bytes(content)
+            part.replace(target)
+
+    def _put_blob(self, digest: str, file: Path) -> None:
+        if not self.bucket.has(f"blobs/{digest}"):
+            self.bucket.put(f"blobs/{digest}", file)
+
+    def _bring(self, file: Path, entry: FileEntry) -> None:
+        part = file.with_name(f".{file.name}.{os.getpid()}")
+        part.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            digest = self.bucket.download(f"blobs/{entry.sha256}", part)
+        except FileNotFoundError as error:
+            part.unlink(missing_ok=True)
+            raise StoreError(
+                f"{file.name} is gone from {self.bucket.url} (blobs/{entry.sha256})", "run the scene again"
+            ) from error
+        if digest != entry.sha256:
+            part.unlink()
+            raise StoreError(
+                f"{self.bucket.url}/blobs/{entry.sha256} holds other bytes than its name says ({file.name})",
+                "delete it, and run the scene again",
+            )
+        os.utime(part, ns=(entry.mtime_ns, entry.mtime_ns))
+        part.replace(file)
+
+    def _mark(self, folder: Path) -> None:
+        file = folder / _IS_SHARED
+        known = file.read_text().splitlines() if file.exists() else []
+        file.write_text("\n".join([*known, self.bucket.url]) + "\n")
+
+
+@cache
+def shared_at(url: str, endpoint: str | None, key_id: str | None) -> Shared:
+    """Return the store at an address, one for each service and user."""
+    return Shared(Bucket(url))

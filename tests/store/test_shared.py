@@ -1,0 +1,255 @@
+"""Machines with homes of their own and one store: each thing is made once, whole for all, whatever dies in between."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import obstore
+import pytest
+
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.files import FILES
+from aug3d_core.store import bucket as bucket_module
+from aug3d_core.store import layout
+from aug3d_core.store import lease as lease_module
+from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.damage import DamagedError
+from aug3d_core.store.lease import lease
+from aug3d_core.store.published import publish, published
+from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import new_version, scenes, share_version, version_metrics, versions, write_metrics
+from aug3d_core.store.store import Store
+from tests.store.s3_service import KEYS, s3_service
+from tests.store.test_store import commit
+from tests.tests_support import flip
+
+NEVER: Callable[[], bool] = lambda: False  # noqa: E731
+
+
+def read(store: Store, record: Record) -> str:
+    return (store.files_dir(record) / "sub" / "a.txt").read_text()
+
+
+def test_what_one_machine_made_another_finds_and_reads(tmp_path: Path, shared: str) -> None:
+    maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
+    made = commit(maker)
+    found = other.find("photos", "k1")
+    assert found == made
+    assert not (other.place(made) / "sub" / "a.txt").exists(), "what is not read is not brought"
+    assert read(other, made) == "hello"
+    assert other.take("photos", "k1") == (made, "")
+
+
+def test_what_was_brought_is_not_asked_for_again(tmp_path: Path, shared: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = Store(tmp_path / "other")
+    made = commit(Store(tmp_path / "maker"))
+    read(other, made)
+    monkeypatch.setattr(Bucket, "_ask", lambda *_: pytest.fail("a request"))
+    assert other.take("photos", "k1") == (made, "")
+    assert read(other, made) == "hello"
+    assert Store(tmp_path / "maker").take("photos", "k1") == (made, "")
+
+
+def test_damage_here_is_mended_from_there(tmp_path: Path, shared: str) -> None:
+    other = Store(tmp_path / "other")
+    made = commit(Store(tmp_path / "maker"))
+    read(other, made)
+    flip(other.place(made) / "sub" / "a.txt")
+    with pytest.raises(DamagedError):
+        read(other, made)
+    found = other.find("photos", "k1")
+    assert found and read(other, found) == "hello"
+
+
+def test_damage_there_is_named_and_read_by_nobody(tmp_path: Path, shared: str) -> None:
+    made = commit(Store(tmp_path / "maker"))
+    digest = made.files["sub/a.txt"].sha256
+    Bucket(shared).put(f"blobs/{digest}", b"hallo")
+    other = Store(tmp_path / "other")
+    with pytest.raises(StoreError, match=f"blobs/{digest} holds other bytes"):
+        read(other, made)
+    assert not [file for file in other.place(made).rglob("*") if file.is_file()]
+
+
+@pytest.mark.parametrize("times", range(5))
+def test_two_makers_of_one_object_end_with_one(tmp_path: Path, shared: str, times: int) -> None:
+    """Ten times each: the bytes differ, as times in files do, and both end with those that were first."""
+    for number in range(10):
+        stores = [Store(tmp_path / f"{name}{number}") for name in ("one", "two")]
+        start, ends = threading.Barrier(2), {}
+
+        def make(at: int, stores=stores, start=start, ends=ends, key: str = f"k{number}") -> None:
+            start.wait()
+            ends[at] = commit(stores[at], f"made by {at}", key)
+
+        threads = [threading.Thread(target=make, args=(at,)) for at in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert ends[0] == ends[1]
+        assert read(stores[0], ends[0]) == read(stores[1], ends[1])
+        names = Bucket(shared).names(f"objects/photos/k{number}/")
+        assert [name.rpartition("/")[2] for name in names].count(layout.RECORD) == 1
+
+
+def test_of_many_who_create_a_name_one_wins(bucket: str) -> None:
+    place, won, start = Bucket(bucket), [], threading.Barrier(64)
+
+    def create(content: bytes) -> None:
+        start.wait()
+        if place.create("name", content):
+            won.append(content)
+
+    threads = [threading.Thread(target=create, args=(str(number).encode(),)) for number in range(64)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert won == [place.get("name")]
+
+
+def test_an_object_made_before_there_was_a_store_is_shared_when_it_is_used(
+    tmp_path: Path, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = commit(Store(tmp_path / "maker"))
+    monkeypatch.setenv("AUG3D_STORE", bucket)
+    assert Store(tmp_path / "other").find("photos", "k1") is None
+    Store(tmp_path / "maker").take("photos", "k1")
+    assert read(Store(tmp_path / "other"), made) == "hello"
+
+
+def test_versions_and_what_is_published_are_seen_by_all(tmp_path: Path, shared: str) -> None:
+    maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
+    assert scenes(other) == []
+    version = new_version(maker, "hill")
+    (version / layout.REPORT).write_text("<p>a report")
+    write_metrics(version, {"scene": "hill", "state": "ok"})
+    assert scenes(other) == [], "it counts from the moment that it is shared"
+    share_version(maker, version)
+    publish(maker, "hill", version)
+    assert scenes(other) == ["hill"]
+    [found] = versions(other, "hill")
+    assert (found.name, (found / layout.REPORT).read_text()) == (version.name, "<p>a report")
+    assert version_metrics(found)["state"] == "ok"
+    assert published(other, "hill") == found
+
+
+def test_names_from_the_store_stay_in_their_folder(tmp_path: Path, shared: str) -> None:
+    place = Bucket(shared)
+    for name in ("scenes/hill/v1/metrics.json", "scenes/hill/v1/..%2F..%2Fout.txt", "scenes/x/.../metrics.json"):
+        obstore.put(place._service, name, b"{}")
+    other = Store(tmp_path / "other")
+    scenes(other)
+    assert {file.resolve().is_relative_to(other.root) for file in tmp_path.rglob("*")} == {True}
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, seconds in {"RENEW_S": 0.2, "LAPSED_S": 1.5, "LOOK_S": 0.1}.items():
+        monkeypatch.setattr(lease_module, name, seconds)
+
+
+def test_a_lease_is_held_by_one_and_then_by_the_next(bucket: str, hasty: None) -> None:
+    place, holding, most = Bucket(bucket), [], []
+
+    def work(number: int) -> None:
+        with lease(place, "town/k", NEVER, lambda host: None) as ours:
+            assert ours
+            holding.append(number)
+            most.append(len(holding))
+            threading.Event().wait(2.0 if number == 0 else 0.1)  # longer than a lease that is not renewed
+            holding.remove(number)
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert most == [1, 1, 1, 1]
+    assert place.names("leases/") == []
+
+
+def test_the_lease_of_a_dead_owner_lapses_and_one_of_many_takes_it(bucket: str, hasty: None) -> None:
+    place, told, held = Bucket(bucket), [], []
+    place.create("leases/town/k/00000000", b'{"host": "dead"}')
+    done = threading.Event()
+
+    def wait() -> None:
+        with lease(place, "town/k", lambda: done.is_set(), told.append) as ours:
+            if ours:
+                held.append(place.names("leases/"))
+                done.set()
+
+    threads = [threading.Thread(target=wait) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert held == [["leases/town/k/00000000", "leases/town/k/00000001"]]
+    assert "dead" in told
+    assert place.names("leases/") == []
+
+
+def test_who_waits_stops_when_it_is_made(bucket: str, hasty: None) -> None:
+    place = Bucket(bucket)
+    place.create("leases/town/k/00000000", b'{"host": "busy"}')
+    with lease(place, "town/k", lambda: True, lambda host: None) as ours:
+        assert not ours
+
+
+def test_a_store_that_is_away_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(bucket_module, "_PAUSE_S", 0.2)
+    with s3_service() as address:
+        for name, value in {**KEYS, "AWS_ENDPOINT_URL": address, "AUG3D_STORE": "s3://photographs/away"}.items():
+            monkeypatch.setenv(name, value)
+        store = Store(tmp_path)
+    with s3_service_later(address, 3.0):
+        assert commit(store).key == "k1"
+    assert "does not answer; waiting" in caplog.text
+    monkeypatch.setattr(bucket_module, "PATIENCE_S", 1.0)
+    with pytest.raises(StoreError, match="s3://photographs/away cannot be used") as caught:
+        commit(store, key="k2")
+    assert not any(secret in f"{caught.value} {caplog.text}" for secret in (KEYS["AWS_SECRET_ACCESS_KEY"], "tester"))
+
+
+class s3_service_later:
+    """An S3 service that begins to answer after a while."""
+
+    def __init__(self, address: str, after_s: float) -> None:
+        self.port, self.after_s, self.end = int(address.rpartition(":")[2]), after_s, threading.Event()
+        self.thread = threading.Thread(target=self._serve)
+
+    def _serve(self) -> None:
+        threading.Event().wait(self.after_s)
+        with s3_service(self.port):
+            self.end.wait()
+
+    def __enter__(self) -> None:
+        self.thread.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.end.set()
+        self.thread.join()
+
+
+@pytest.mark.parametrize("url", ["", "s3:///x", "https://b/x", "s3://key:secret@b/x", "s3://b/x?y", "/a/folder"])
+def test_an_address_that_is_no_bucket_is_refused_without_its_secrets(url: str) -> None:
+    with pytest.raises(StoreError.__mro__[1]) as caught:
+        Bucket(url)
+    assert "s3://BUCKET/PREFIX" in str(caught.value) and "secret@" not in str(caught.value)
+
+
+def test_work_that_never_got_a_record_is_not_seen(tmp_path: Path, shared: str) -> None:
+    """Blobs first: a maker that dies before its record leaves nothing that counts, and the next one uses them."""
+    place = Bucket(shared)
+    made = commit(Store(tmp_path / "maker"))
+    place.delete([f"objects/photos/k1/{layout.RECORD}"])
+    other = Store(tmp_path / "other")
+    assert other.find("photos", "k1") is None
+    assert commit(other) == made.model_copy(update={"files": other.find("photos", "k1").files})  # type: ignore[union-attr]
+    assert (other.object_dir("photos", "k1") / FILES / "sub" / "a.txt").exists()
