@@ -23,5 +23,6 @@ DEPTH = Stage(
     ),
     decidable=("max_px", "plane_step_px"),
     resumable=True,
+    shards=("raw/[!.]*", "workspace/stereo/*_maps/[!.]*"),
     reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
 )

@@ -85,7 +85,10 @@ def build(store: Store, work: Work, progress: Progress) -> Built:
                 theirs, _ = store.take(stage.name, work.key)
                 assert theirs, "another machine has made it"
                 return Built(theirs, cached=True)
-            with store.turn(stage.name, report) if stage.alone else nullcontext():
+            with (
+                store.turn(stage.name, report) if stage.alone else nullcontext(),
+                store.handing_over(stage.name, work.key, stage.shards),
+            ):
                 made = _compute(store, work, report)
     return Built(made, cached=False, damage=damage and f"{damage}: {_made_again(record, made)}")
 

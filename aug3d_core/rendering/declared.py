@@ -21,5 +21,6 @@ RENDERING = Stage(
         neither="views kept samples samples_reason sharpness_median",
     ),
     resumable=True,
+    shards=("shards/*.npz",),
     alone=True,
 )

@@ -108,6 +108,8 @@ class Stage:
     engines: distributions whose version is part of the cache key: those that compute what is in its files and figures.
     accuracy: the metric that says how well the stage did, shown in every table.
     resumable: keep a killed run's partial files and hand them to the next try.
+    shards: patterns of partial files that are whole from the moment they have their name; another machine that takes the
+        work over goes on with them.
     grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`
         is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work. Where the
         answer then differs from a fresh one, within the accuracy of the stage, a metric says what it grew from.
@@ -130,6 +132,7 @@ class Stage:
     metrics: Mapping[str, MetricSpec] = field(default_factory=dict, hash=False)
     decidable: tuple[str, ...] = ()
     resumable: bool = False
+    shards: tuple[str, ...] = ()
     grows: bool = False
     afresh: bool = False
     alone: bool = False

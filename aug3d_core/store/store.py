@@ -246,6 +246,17 @@ class Store:
         with lease(shared.bucket, f"{stage}/{key}", lambda: shared.has_record(stage, key), waiting) as ours:
             yield ours
 
+    @contextmanager
+    def handing_over(self, stage: str, key: str, shards: Sequence[str]) -> Iterator[None]:
+        """Go on with what another machine left of an object, and leave to others what is made of it here meanwhile."""
+        if self.shared is None or not shards:
+            yield
+            return
+        from aug3d_core.store.hand_over import handing_over
+
+        with handing_over(self.shared.bucket, f"{stage}/{key}", self.work_dir(stage, key) / FILES, shards):
+            yield
+
     def _bring(self, record: Record, names: Sequence[str]) -> None:
         """Bring files of an object here that another machine made."""
         folder = self.object_dir(record.stage, record.key)

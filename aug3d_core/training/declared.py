@@ -29,5 +29,6 @@ TRAINING = Stage(
         "least_gain_db",
     ),
     resumable=True,
+    shards=("checkpoint/*.pt",),
     alone=True,
 )
