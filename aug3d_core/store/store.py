@@ -272,7 +272,7 @@ class Store:
         """Return the files of an object that should be in this folder: all, or those brought of another machine's."""
         if self.shared is None or not self.shared.is_shared(self.object_dir(record.stage, record.key)):
             return record.files
-        return {name: entry for name, entry in record.files.items() if (self.place(record) / name).exists()}
+        return {name: entry for name, entry in record.files.items() if os.path.lexists(self.place(record) / name)}
 
     def _agreed(self, record: Record) -> Record:
         """Share an object of this machine; return its record, or that of another machine's where there was one first.
