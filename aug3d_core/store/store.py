@@ -49,7 +49,7 @@ class Store:
         except OSError as error:
             if disk_full(error):
                 raise disk_failure(self.root, str(error)) from error
-            if self.root.is_dir() and self.unwritable():
+            if self.root.is_dir() and os.access(self.root, os.R_OK | os.X_OK) and self.unwritable():
                 return
             raise StoreError(
                 f"the store {self.root} cannot be opened: {error.strerror}",
