@@ -292,6 +292,16 @@ def test_a_store_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
         Store(tmp_path / "file")
 
 
+def test_a_store_that_cannot_even_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(path: Path, *_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    monkeypatch.setattr(Path, "mkdir", closed)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(StoreError, match=r"cannot be opened: Permission denied"):
+        Store(tmp_path)
+
+
 def test_a_record_survives_json(tmp_path: Path) -> None:
     record = commit(Store(tmp_path))
     assert Record.model_validate(json.loads(record.model_dump_json())) == record
