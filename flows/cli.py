@@ -175,7 +175,8 @@ def _run(
     if dry_run:
         _print_plan(store, material, config, as_json)
         return
-    limits_from(os.environ)  # a wrong one is told before anything is started
+    store.check_writable()  # what would stop it later is told before anything is started
+    limits_from(os.environ)
     check_servers()
     apply_local_environment(store.root)
     console = Console(stderr=as_json)

@@ -178,6 +178,7 @@ def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
     """
     with typed_errors(as_json, home):
         store = Store(home)
+        store.check_writable()
         COLLECTIONS.read(store, name)  # a mistake in the file is told before anything is started
         limits_from(os.environ)
         check_servers()

@@ -67,8 +67,11 @@ def compare_runs(
 
 
 def _tell_what_waits(store: Store) -> None:
-    """Tell MLflow what it could not be told at its time, and say what came of it; costs nothing where nothing waits."""
-    if not waiting(store):
+    """Tell MLflow what it could not be told at its time, and say what came of it; costs nothing where nothing waits.
+
+    Not from a store that can only be read: what was told would be told again.
+    """
+    if store.unwritable() or not waiting(store):
         return
     apply_local_environment(store.root)
     from tasks.tracking import flush  # MLflow reads its settings when it is imported

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any
 
 from prefect import Flow
@@ -11,6 +11,7 @@ from prefect.deployments.runner import RunnerDeployment
 from prefect.schedules import Cron, Interval, Schedule
 from prefect.types.entrypoint import EntrypointType
 from prefect.utilities.annotations import freeze
+from prefect.utilities.callables import ParameterSchema
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.scene_files.entry import SceneEntry
@@ -50,6 +51,12 @@ _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # f
 )
 
 
+class _Closed(ParameterSchema):
+    """The parameters of a flow and no others: Prefect would take them, and the run would crash before it begins."""
+
+    additionalProperties: bool
+
+
 async def of_scene(scene: str, entry: SceneEntry) -> RunnerDeployment:
     """Return the deployment of a scene, with its settings as the form's values; raises UsageError if they are wrong."""
     facts = [
@@ -58,14 +65,13 @@ async def of_scene(scene: str, entry: SceneEntry) -> RunnerDeployment:
         f"Licence: {entry.licence}" if entry.licence else "",
         entry.schedule.words() if entry.schedule else "No schedule",
     ]
-    return await regenerate.ato_deployment(
+    return await _deployment(
+        regenerate,
         name=scene,
         parameters={"scene": freeze(scene), "settings": entry.config().model_dump(mode="json")},
         schedules=[_schedule(entry.schedule)] if entry.schedule else [],
-        tags=[OURS, SCENE, entry.preset, *entry.tags],
+        tags=[SCENE, entry.preset, *entry.tags],
         description="\n\n".join(fact for fact in facts if fact),
-        concurrency_limit=_ONE_AT_A_TIME,
-        entrypoint_type=EntrypointType.MODULE_PATH,
     )
 
 
@@ -77,35 +83,53 @@ async def of_collection(name: str, entry: CollectionEntry) -> RunnerDeployment:
         f"Held out: {', '.join(entry.hold_out) or 'none'}",
         entry.schedule.words() if entry.schedule else "No schedule",
     ]
-    return await train_collection.ato_deployment(
+    return await _deployment(
+        train_collection,
         name=name,
         parameters={"collection": freeze(name)},
         schedules=[_schedule(entry.schedule)] if entry.schedule else [],
-        tags=[OURS, COLLECTION, entry.preset],
+        tags=[COLLECTION, entry.preset],
         description="\n\n".join(part for part in parts if part),
-        concurrency_limit=_ONE_AT_A_TIME,
-        entrypoint_type=EntrypointType.MODULE_PATH,
     )
 
 
 async def of_everything() -> AsyncIterator[RunnerDeployment]:
     """Yield the deployments that are there whatever the registry holds."""
-    yield await batch.ato_deployment(
+    yield await _deployment(
+        batch,
         name="all scenes",
-        tags=[OURS],
         description="Makes scenes again, one after the other, each as far as something changed.",
+    )
+    for study, name, given, description in _STUDIES:
+        yield await _deployment(
+            study,
+            name=name,
+            parameters=given,
+            tags=["study"],
+            description=description,
+        )
+
+
+async def _deployment(
+    flow: Flow[..., State],
+    name: str,
+    description: str,
+    parameters: Mapping[str, Any] = {},
+    tags: Sequence[str] = (),
+    schedules: Sequence[Schedule] = (),
+) -> RunnerDeployment:
+    made = await flow.ato_deployment(
+        name=name,
+        parameters=dict(parameters),
+        schedules=list(schedules),
+        tags=[OURS, *tags],
+        description=description,
         concurrency_limit=_ONE_AT_A_TIME,
         entrypoint_type=EntrypointType.MODULE_PATH,
     )
-    for study, name, given, description in _STUDIES:
-        yield await study.ato_deployment(
-            name=name,
-            parameters=given,
-            tags=[OURS, "study"],
-            description=description,
-            concurrency_limit=_ONE_AT_A_TIME,
-            entrypoint_type=EntrypointType.MODULE_PATH,
-        )
+    fields = made._parameter_openapi_schema.model_dump(exclude_unset=True)
+    made._parameter_openapi_schema = _Closed(**fields, additionalProperties=False)  # Prefect sends only what is set
+    return made
 
 
 def _schedule(schedule: When) -> Schedule:

@@ -54,6 +54,7 @@ def gc(
         if dry_run:
             _tell(store, goes, _free(store), as_json, dry_run)
             return
+        store.check_writable()  # before anything is asked
         if scene is not None and not yes:
             _ask(store, scene, goes, as_json)
         before = _free(store)

@@ -14,7 +14,7 @@ from pydantic import Field
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.disk_estimate import check_room
 from aug3d_core.factory.walk import Visit, planned
-from aug3d_core.run.errors import Aug3dError, UsageError
+from aug3d_core.run.errors import Aug3dError, UsageError, shown
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
 from aug3d_core.store.published import held_back, publish, published
@@ -75,7 +75,7 @@ def batch(
         unknown = [scene for scene in scenes if scene not in known]
         if unknown:
             raise UsageError(
-                f"scene {unknown[0]!r} is not registered", f"registered scenes: {', '.join(known) or 'none yet'}"
+                f"scene {shown(unknown[0])} is not registered", f"registered scenes: {', '.join(known) or 'none yet'}"
             )
         with tags(OURS):  # subflow runs do not inherit tags
             ends = {scene: _regenerated(scene, known[scene]) for scene in scenes or known}

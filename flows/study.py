@@ -140,8 +140,9 @@ def _outcome(result: PaperResult) -> str:
 
 @contextmanager
 def using(home: Path) -> Iterator[Store]:
-    """Open the store, and keep its objects while the block runs."""
+    """Open the store to write to it, and keep its objects while the block runs."""
     store = Store(home)
+    store.check_writable()
     with store.using():
         yield store
 

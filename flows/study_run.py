@@ -36,6 +36,7 @@ from aug3d_core.studies.tradeoff.findings import crashes
 from aug3d_core.studies.tradeoff.page import in_words
 from aug3d_core.studies.tradeoff.page import publication as tradeoff_publication
 from aug3d_core.studies.tradeoff.scene import open_studied
+from aug3d_core.studies.tradeoff.study import MOST_DB
 from aug3d_core.studies.tradeoff.study import study_scene as study_tradeoff
 from flows.settings import home
 from tasks import artifacts
@@ -86,7 +87,8 @@ def tradeoff(
     ] = ["demo"],
     seeds: Annotated[int, Field(ge=1, le=100, description="Runs of every arm, each with another seed.")] = 3,
     target_db: Annotated[
-        float | None, Field(description="PSNR that is enough [dB]; none: 0.3 dB below the best that is tried.")
+        float | None,
+        Field(ge=0, le=MOST_DB, description="PSNR that is enough [dB]; none: 0.3 dB below the best that is tried."),
     ] = None,
     search: Annotated[
         bool, Field(description="Only search for the cheapest configuration that is enough; do not try everything.")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from aug3d_core.factory.config import AUTO
 from aug3d_core.factory.plan import stage_of
 from aug3d_core.heads.config import title_of
 from aug3d_core.judging.names import called
+from aug3d_core.store import layout
 from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
 from flows.display import figure
@@ -100,7 +103,7 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
     places = {
         "report": paths["report"],
         "metrics": paths["metrics"],
-        "MLflow": _mlflow_pages(paths["mlflow"]),
+        "MLflow": _mlflow_pages(paths),
     }
     if "rendering" in paths["objects"]:
         places["renders"] = paths["objects"]["rendering"]
@@ -110,10 +113,14 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
         console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)
 
 
-def _mlflow_pages(address: str) -> str:
-    """Return where the runs are to be seen: on the server, or with a command that serves the database."""
-    server = address.startswith(("http://", "https://"))
-    return address if server else f"{program('mlflow')} ui --backend-store-uri {address}"
+def _mlflow_pages(paths: Mapping[str, Any]) -> str:
+    """Return where the runs are to be seen: what holds them, or the command that serves the home's own database.
+
+    MLflow's own command would serve it to every page in the owner's browser.
+    """
+    _, _, _, home, *_ = Path(paths["metrics"]).parents
+    own = paths["mlflow"] == f"sqlite:///{home / layout.MLFLOW_DATABASE}"
+    return shlex.join([program("aug3d"), "up", "--home", str(home)]) if own else paths["mlflow"]
 
 
 def program(name: str) -> str:

@@ -80,7 +80,7 @@ def serve(serving: Serving, as_json: bool, worker: Sequence[str] = (*_ENTRY, WOR
     check_password(serving)
     limits_from(os.environ)  # the worker's stages have them
     started = time.monotonic()
-    Store(serving.home)  # a folder that cannot be used is told before anything is started
+    Store(serving.home).check_writable()  # a folder that cannot be used is told before anything is started
     own_password = bool(serving.password)
     with _only_one(serving) as running:
         check_ports(serving)

@@ -40,6 +40,8 @@ def verify(
     """
     with typed_errors(as_json, home):
         console, store, started = Console(stderr=as_json), Store(home), time.monotonic()
+        if repair:
+            store.check_writable()
         with store.using():
             items = items_of(store, scene)
             if scene is not None and not items:

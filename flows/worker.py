@@ -63,7 +63,9 @@ def main() -> None:
     """Work until told to end; what runs then goes on with the next worker."""
     if os.environ.get(SUPERVISED):
         die_with_parent()
-    asyncio.run(_work(Store(home())))
+    store = Store(home())
+    store.check_writable()
+    asyncio.run(_work(store))
 
 
 async def _work(store: Store) -> None:

@@ -14,6 +14,7 @@ import pytest
 _KNOWN = (
     "the real photo sets are not at ",
     "a small disk cannot be mounted here: ",  # root alone may mount
+    "nothing can be mounted here: ",
 )
 
 

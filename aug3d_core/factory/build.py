@@ -75,6 +75,8 @@ def build(store: Store, work: Work, progress: Progress) -> Built:
     delay in it does not affect the work. Raises DamagedError if an input in the store is not what was written.
     """
     stage = work.stage
+    if whole := store.whole(stage.name, work.key):
+        return Built(whole, cached=True)
     with store.lock(stage.name, work.key):
         record, damage = store.take(stage.name, work.key)
         if record is not None and not damage:

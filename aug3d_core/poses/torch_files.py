@@ -9,6 +9,7 @@ import torch
 
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.regular_file import opened
+from aug3d_core.run.stored_archive import check_stored
 
 _MOST_NUMBERS = 1000  # of one value; a pose has 12, a camera 4
 
@@ -22,6 +23,7 @@ def read_pt(file: Path) -> dict[str, Any]:
     """
     try:
         with opened(file) as handle:
+            check_stored(handle)
             content = torch.load(handle, map_location="cpu", weights_only=True)
     except Exception as error:  # damaged bytes can make the unpickler raise anything
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+_LONGEST_VALUE = 80
+
+
+def shown(value: Any) -> str:
+    """Return a value as errors quote it: cut where it is long, since whoever sent it may have sent a book."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+
 
 class Aug3dError(Exception):
     """A failure with a cause that a user can act on.

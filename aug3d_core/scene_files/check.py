@@ -14,11 +14,10 @@ from pydantic.fields import FieldInfo
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.config import place as place_of
 from aug3d_core.heads.config import HeadConfig, config_of, names
-from aug3d_core.run.errors import InputError, UsageError
+from aug3d_core.run.errors import InputError, UsageError, shown
 from aug3d_core.scene_files.document import Mistake, Place, parsed
 from aug3d_core.scene_files.entry import FOLDER, Origin, SceneEntry
 
-_LONGEST_VALUE = 60
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
@@ -106,9 +105,7 @@ def _told(origin: Origin, errors: ValidationError, model: type[BaseModel], above
 
 
 def _value(value: Any) -> str:
-    text = repr(value)
-    shown = text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
-    return "" if isinstance(value, Mapping | list) else f" = {shown}"
+    return "" if isinstance(value, Mapping | list) else f" = {shown(value)}"
 
 
 def _unknown(loc: Place, model: type[BaseModel]) -> str:

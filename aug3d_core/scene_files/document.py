@@ -20,12 +20,28 @@ _HINTS = {
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain values alone, and a date is a text like others: there is no field for dates."""
+    """Values without tags alone, and a date is a text like others: there is no field for dates."""
 
     yaml_implicit_resolvers: ClassVar = {
         first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Refuse a tag, also one of YAML's own: a value that is not what its tag says comes without a line."""
+        event = self.peek_event()
+        if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag is not None:
+            raise yaml.MarkedYAMLError(
+                problem=f"the tag {event.tag} is not read: leave it out", problem_mark=event.start_mark
+            )
+        return super().compose_node(parent, index)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """Give what is no number the line that it stands in: `0x_` looks like one."""
+        try:
+            return super().construct_object(node, deep)
+        except ValueError as error:
+            raise yaml.MarkedYAMLError(problem=str(error), problem_mark=node.start_mark) from error
 
 
 class Mistake(Exception):
@@ -57,8 +73,6 @@ def parsed(text: str) -> Document:
         return Document(_Loader("").construct_document(root), lines)
     except yaml.MarkedYAMLError as error:
         raise _mistake(error) from error
-    except (ValueError, KeyError) as error:  # `!!int many`, `!!bool maybe`: nobody writes this, and it carries no line
-        raise Mistake(1, f"a value is not what its tag says: {error}") from error
 
 
 def composed(text: str) -> yaml.MappingNode:

@@ -144,20 +144,12 @@ def _loose(store: Store, named: Collection[Object]) -> Iterator[Waste]:
             yield Waste("", folder.parent.name, folder, bytes_under(folder))
     for what, top in ((WORK, layout.WORK), (FAILURE, layout.FAILURES)):
         for folder in sorted((store.root / top).glob("*/*")):
-            if what == FAILURE or not _being_made(store, *_object(folder)):
+            if what == FAILURE or not store.being_made(*_object(folder)):
                 yield Waste("", what, folder, bytes_under(folder))
 
 
 def _object(folder: Path) -> Object:
     return folder.parent.name, folder.name
-
-
-def _being_made(store: Store, stage: str, key: str) -> bool:
-    try:
-        with store.lock(stage, key, timeout_s=0):
-            return False
-    except StoreError:
-        return True
 
 
 def _touched_s(folder: Path) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from aug3d_core.run.errors import UsageError
+from aug3d_core.run.errors import UsageError, shown
 
 _SCENE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
@@ -13,7 +13,7 @@ def check_scene_name(name: str) -> str:
     """Return the name if it can safely be a folder; raises UsageError."""
     if not _SCENE_NAME.fullmatch(name):
         raise UsageError(
-            f"{name!r} is not a scene name",
+            f"{shown(name)} is not a scene name",
             "use letters, digits, '-' and '_', at most 64, beginning with a letter or digit",
         )
     return name

@@ -35,7 +35,10 @@ class Store:
     """Immutable objects under one folder. shared: what it shares with the stores of other machines, if it does."""
 
     def __init__(self, root: Path) -> None:
-        """Open or create the store; raises StoreError if the folder cannot be written."""
+        """Open the store, and make what is missing of it; raises StoreError if it cannot be.
+
+        One that cannot be written can be read: whoever is to change it asks `check_writable` first.
+        """
         self.root = root.resolve()
         self.shared = _shared()
         if "?" in str(self.root):
@@ -45,19 +48,33 @@ class Store:
             )
         try:
             make_private(self.root)
-            for name in (layout.OBJECTS, layout.WORK, layout.LOCKS, layout.FAILURES, layout.SCENES):
-                (self.root / name).mkdir(parents=True, exist_ok=True)
+            for folder in self._folders():
+                folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             if disk_full(error):
                 raise disk_failure(self.root, str(error)) from error
+            if self.root.is_dir() and os.access(self.root, os.R_OK | os.X_OK) and self.unwritable():
+                return
             raise StoreError(
                 f"the store {self.root} cannot be opened: {error.strerror}",
                 "choose a folder that you can write with --home DIR or AUG3D_HOME",
             ) from error
-        if not os.access(self.root, os.W_OK):
+
+    def unwritable(self) -> Path | None:
+        """Return the first folder of the store that cannot be written, None if all can."""
+        return next((folder for folder in self._folders() if not os.access(folder, os.W_OK)), None)
+
+    def check_writable(self) -> None:
+        """Raise StoreError that names the first folder of the store that cannot be written."""
+        if folder := self.unwritable():
             raise StoreError(
-                f"the store {self.root} is read-only", "choose another folder with --home DIR or AUG3D_HOME"
+                f"the store {self.root} can only be read: {folder} cannot be written",
+                "make it writable, or choose another folder with --home DIR or AUG3D_HOME",
             )
+
+    def _folders(self) -> tuple[Path, ...]:
+        names = (layout.OBJECTS, layout.WORK, layout.LOCKS, layout.FAILURES, layout.SCENES)
+        return (self.root, *(self.root / name for name in names))
 
     def object_dir(self, stage: str, key: str) -> Path:
         """Return the folder of a finished object."""
@@ -113,11 +130,26 @@ class Store:
     @contextmanager
     def lock(self, stage: str, key: str, timeout_s: float = -1.0) -> Iterator[None]:
         """Hold the right to make an object. The operating system frees it when the holder dies."""
+        self.check_writable()
         try:
-            with FileLock(self.root / layout.LOCKS / f"{stage}-{key}.lock", timeout=timeout_s):
+            with FileLock(self._lock_file(stage, key), timeout=timeout_s):
                 yield
         except Timeout as error:
             raise StoreError(f"another process is making {stage} {key}", "wait for it, or end it") from error
+
+    def being_made(self, stage: str, key: str) -> bool:
+        """Say whether somebody holds the right to make an object; nothing is written for that."""
+        try:
+            with self._lock_file(stage, key).open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except FileNotFoundError:
+            return False
+        except BlockingIOError:
+            return True
+        return False
+
+    def _lock_file(self, stage: str, key: str) -> Path:
+        return self.root / layout.LOCKS / f"{stage}-{key}.lock"
 
     @contextmanager
     def using(self) -> Iterator[None]:
@@ -125,13 +157,18 @@ class Store:
 
         Waits while something is being dropped. The operating system ends it when the holder dies.
         """
-        with (self.root / layout.LOCKS / layout.IN_USE).open("ab") as file:
-            fcntl.flock(file, fcntl.LOCK_SH)
+        file = self.root / layout.LOCKS / layout.IN_USE
+        if self.unwritable() and not file.exists():  # nothing was ever dropped here, and nobody can drop anything
+            yield
+            return
+        with file.open("rb" if self.unwritable() else "ab") as held:
+            fcntl.flock(held, fcntl.LOCK_SH)
             yield
 
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Hold the right to drop objects; raises StoreError while anyone uses the store."""
+        self.check_writable()
         with (self.root / layout.LOCKS / layout.IN_USE).open("ab") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -167,9 +204,14 @@ class Store:
         changed = any(_changed(self.place(record) / name, entry) for name, entry in self._here(record).items())
         return None if changed else record
 
+    def whole(self, stage: str, key: str) -> Record | None:
+        """Return an object's record if all its files are what was written, None otherwise. Nothing on the disk is changed."""
+        record = self.record(stage, key)
+        return record if isinstance(record, Record) and not self.faults(record) else None
+
     def put_aside(self, record: Record, seen: Fault) -> Path | None:
         """Move a damaged object out of sight and return where it lies; None if somebody else did, or the disk forbids it."""
-        with suppress(OSError), self.lock(record.stage, record.key):
+        with suppress(OSError, StoreError), self.lock(record.stage, record.key):
             if fault(self.place(record) / seen.name, record.files[seen.name]):  # nobody made it again meanwhile
                 return self._aside(record.stage, record.key)
         return None

@@ -12,6 +12,7 @@ import torch
 
 from aug3d_core.run.atomic_file import replacing
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.stored_archive import check_stored
 from aug3d_core.training.divergence import WINDOW
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
@@ -58,7 +59,9 @@ def load_state(folder: Path, step: int) -> dict[str, Any]:
         content = path.read_bytes()
         if hashlib.sha256(content[:-_DIGEST_BYTES]).digest() != content[-_DIGEST_BYTES:]:
             raise ValueError("it is not what was written")
-        return torch.load(io.BytesIO(content[:-_DIGEST_BYTES]), map_location="cpu", weights_only=True)
+        archive = io.BytesIO(content[:-_DIGEST_BYTES])
+        check_stored(archive)
+        return torch.load(archive, map_location="cpu", weights_only=True)
     except (RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(

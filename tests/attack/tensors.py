@@ -19,6 +19,7 @@ from safetensors.torch import save_file
 from aug3d_core.heads import saved
 from aug3d_core.heads.config import FIRST, config_of
 from aug3d_core.heads.head import build
+from tests.run.test_stored_archive import bomb
 
 _GOOD = {"c2w": torch.eye(4)[:3], "W": 320, "H": 240, "intrinsics": torch.tensor([300.0, 300.0, 160.0, 120.0])}
 
@@ -34,6 +35,7 @@ def write(folder: str) -> None:
         content = file.read_bytes()
         file.unlink()
         os.mkfifo(file) if name == "pipe" else file.write_bytes(content[:300] if name == "cut" else b"no zip")
+    _bombs(root)
     _weights(root)
     _heads(root / "heads")
 
@@ -68,6 +70,16 @@ def _mega_nerf(folder: Path, told: Any) -> None:
     (folder / "train" / "metadata").mkdir(parents=True)
     torch.save({"origin_drb": torch.zeros(3), "pose_scale_factor": 1.0}, folder / "coordinates.pt")
     torch.save(told, folder / "train" / "metadata" / "000001.pt")
+
+
+def _bombs(root: Path) -> None:
+    """Write archives whose entries claim a gigabyte."""
+    for entry in ("data.pkl", "version", "data/0"):
+        folder = root / "mega" / f"bomb_{entry.replace('/', '_')}"
+        _mega_nerf(folder, _GOOD)
+        bomb(folder / "train" / "metadata" / "000001.pt", entry, 2**30)
+    torch.save({"conv1.weight": torch.zeros(3)}, root / "bomb.pth")
+    bomb(root / "bomb.pth", "data/0", 2**30)
 
 
 def _weights(root: Path) -> None:

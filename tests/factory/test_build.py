@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from aug3d_core.factory.build import work_of
+from aug3d_core.factory.build import Built, build, work_of
 from aug3d_core.factory.config import scene_config
 from aug3d_core.factory.material import Material, Source, gather
 from aug3d_core.factory.stages import (
@@ -21,12 +22,13 @@ from aug3d_core.factory.stages import (
     SURFACE,
 )
 from aug3d_core.groups.files import GROUPS
+from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import FILES
 from aug3d_core.run.stage import Stage
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
-from tests.store.little_store import _FIELDS
+from tests.store.little_store import _FIELDS, add_object
 
 UPSTREAM = ("town", "sfm", "similarity", "depth", "surface", "sampling", "rendering")
 
@@ -78,3 +80,16 @@ def test_what_runs_a_trained_head_is_keyed_by_the_code_of_that_head() -> None:
 
     assert key((), head) != key((), ())
     assert key(head, ()) == key((), ()), "it reads the data set, and runs nothing of it"
+
+
+def test_what_is_made_is_found_in_a_store_that_can_only_be_read(
+    tmp_path: Path, read_only: Callable[[Path], None]
+) -> None:
+    store = Store(tmp_path)
+    source = Source(path=tmp_path, digest="d")
+    made, missing = (work_of(DEPTH, scene_config(size).depth, {"sfm": source}) for size in ("tiny", "small"))
+    record = add_object(store, "depth", made.key)
+    read_only(tmp_path)
+    assert build(store, made, lambda *_: None) == Built(record, cached=True)
+    with pytest.raises(StoreError, match="can only be read"):
+        build(store, missing, lambda *_: None)

@@ -27,11 +27,12 @@ def test_what_mlflow_was_not_told_is_said(tmp_path: Path) -> None:
     assert f"note {why}" in printed(metrics | {"mlflow": {"run_id": "", "url": "", "waiting": why}})
 
 
-def test_a_server_is_told_as_an_address_and_a_database_as_a_command(tmp_path: Path) -> None:
-    metrics = version_metrics(version(tmp_path))
-    assert "mlflow ui --backend-store-uri sqlite:///" in printed(metrics)
-    told = printed(metrics | {"paths": metrics["paths"] | {"mlflow": "https://mlflow.here"}})
-    assert "MLflow  https://mlflow.here\n" in told and "backend-store-uri" not in told
+def test_the_home_s_own_runs_are_seen_behind_the_guard_and_others_where_they_are(tmp_path: Path) -> None:
+    metrics = version_metrics(version(tmp_path / "my home"))
+    assert f"aug3d up --home '{tmp_path}/my home'\n" in printed(metrics)
+    for address in ("https://mlflow.here", "sqlite:////elsewhere/mlflow.db"):
+        told = printed(metrics | {"paths": metrics["paths"] | {"mlflow": address}})
+        assert f"MLflow  {address}\n" in told and "aug3d up" not in told
 
 
 def test_what_auto_decided_is_told_with_its_reason(tmp_path: Path) -> None:

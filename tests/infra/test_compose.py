@@ -104,11 +104,28 @@ def test_only_the_pages_are_published_and_only_on_this_machine(services: dict[st
 
 def test_every_image_is_pinned_and_every_service_has_limits(services: dict[str, Any]) -> None:
     for name, service in services.items():
-        _, _, tag = service["image"].partition(":")
+        _, _, tag = filled_in(service["image"], {}).partition(":")
         assert re.search(r"\d+\.\d+", tag) and "latest" not in tag, name
         assert {"cpus", "memory"} <= set(service["deploy"]["resources"]["limits"]), name
-    bases = re.findall(r"^FROM (\S+)", (ROOT / "infra" / "Dockerfile").read_text(), re.MULTILINE)
-    assert all(re.search(r":\d+\.\d+\.\d+", base) for base in bases)
+    assert re.search(r":\d+\.\d+\.\d+", base_image())
+
+
+def base_image() -> str:
+    """Return what our image is built from, where nobody says otherwise."""
+    found = re.search(
+        r"^ARG PYTHON_IMAGE=(\S+)\nFROM \$\{PYTHON_IMAGE\}$", (ROOT / "infra" / "Dockerfile").read_text(), re.M
+    )
+    assert found
+    return found[1]
+
+
+def test_the_operator_may_pin_the_images_of_others_by_digest(services: dict[str, Any]) -> None:
+    ours = {name for name, service in services.items() if "build" in service}
+    wanted = dict.fromkeys(("AUG3D_PYTHON_IMAGE", "AUG3D_POSTGRES_IMAGE", "AUG3D_S3_IMAGE"), "x:1@sha256:abc")
+    for name, service in services.items():
+        named = service["build"]["args"]["PYTHON_IMAGE"] if name in ours else service["image"]
+        assert filled_in(named, wanted) == "x:1@sha256:abc", name
+        assert name not in ours or filled_in(named, {}) == base_image(), name
 
 
 def test_services_wait_for_the_health_of_what_they_need(services: dict[str, Any]) -> None:

@@ -81,6 +81,9 @@ def test_a_harmed_object_is_not_found_and_stays_until_its_maker_drops_it(tmp_pat
         record_file.unlink()
     else:
         record_file.write_text(record_file.read_text()[:50])
+    if harm == "delete" and store.shared:
+        assert store.find("photos", "k1") == record and (store.files_dir(record) / "sub" / "a.txt").exists()
+        return
     held = sorted(store.object_dir("photos", "k1").rglob("*"))
     assert store.find("photos", "k1") is None
     assert sorted(store.object_dir("photos", "k1").rglob("*")) == held, "whoever only looks deletes nothing"
@@ -294,6 +297,16 @@ def test_a_store_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(StoreError, match=r"cannot be opened.*\n.*--home"):
         Store(tmp_path / "file")
+
+
+def test_a_store_that_cannot_even_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(path: Path, *_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    monkeypatch.setattr(Path, "mkdir", closed)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(StoreError, match=r"cannot be opened: Permission denied"):
+        Store(tmp_path)
 
 
 def test_a_record_survives_json(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.error import URLError
 
 import torch
@@ -18,6 +19,7 @@ from aug3d_core.heads.pixelnerf.config import AUTO, RANDOM
 from aug3d_core.heads.pixelnerf.resnet import ResNet34, used_weights
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.regular_file import opened
+from aug3d_core.run.stored_archive import check_stored
 
 _IMAGENET = "https://download.pytorch.org/models/resnet34-b627a593.pth"  # torchvision's; the name ends in its SHA-256
 _PATIENCE_S = 20.0
@@ -61,13 +63,19 @@ def _read(path: Path) -> dict[str, Tensor]:
             f"training.head.encoder_weights {path} is no file that can be read ({error.strerror})", _CHOICES
         ) from error
     try:
-        weights = load_file(path) if path.suffix == ".safetensors" else torch.load(path, "cpu", weights_only=True)
+        weights = load_file(path) if path.suffix == ".safetensors" else _from_torch(path)
     except (SafetensorError, RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(f"training.head.encoder_weights {path} is damaged ({reason})", _CHOICES) from error
     if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
         raise InputError(f"training.head.encoder_weights {path} holds no weights by name", _CHOICES)
     return weights
+
+
+def _from_torch(path: Path) -> Any:
+    with opened(path) as file:
+        check_stored(file)
+        return torch.load(file, "cpu", weights_only=True)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from aug3d_core.run.errors import UsageError
+from aug3d_core.run.errors import UsageError, shown
 
 
 def picked(what: str, names: Collection[str], only: Sequence[str]) -> set[str]:
@@ -14,8 +14,8 @@ def picked(what: str, names: Collection[str], only: Sequence[str]) -> set[str]:
     """
     if not only:
         return set(names)
-    found = {words: {name for name in names if f" {words.lower()}" in f" {name.lower()}"} for words in only}
+    found = {words: {name for name in names if words and f" {words.lower()}" in f" {name.lower()}"} for words in only}
     for words, having in found.items():
         if not having:
-            raise UsageError(f"there is no {what} {words!r}", f"choose from: {'; '.join(names)}")
+            raise UsageError(f"there is no {what} {shown(words)}", f"choose from: {'; '.join(names)}")
     return set.union(*found.values())

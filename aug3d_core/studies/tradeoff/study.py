@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from aug3d_core.factory.walk import Make
+from aug3d_core.run.errors import UsageError
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import Cell, Done
 from aug3d_core.studies.common.words import picked
@@ -28,6 +29,7 @@ from aug3d_core.studies.tradeoff.scene import StudiedScene
 from aug3d_core.studies.tradeoff.search import Search, Tried, search
 
 ENOUGH_DB = 0.3  # below the best that was tried: what `auto` may lose, and the target where none is given
+MOST_DB = 100.0  # views that differ by less differ in no bit that a PNG holds
 _SAME_DB = 0.2  # below the scene's own PSNR: the target of a search alone
 
 
@@ -93,8 +95,13 @@ def study_scene(
 ) -> TradeoffFindings:
     """Study a scene. What a killed study made is in the store, so the same call resumes it.
 
-    only: words of the panels to make, empty for all; raises UsageError if no panel has them.
+    only: words of the panels to make, empty for all; raises UsageError if no panel has them, or if no PSNR is `target_db`.
     """
+    if target_db is not None and not 0 <= target_db <= MOST_DB:  # nor is NaN
+        raise UsageError(
+            f"a target of {target_db:g} dB is no PSNR",
+            f"give one from 0 to {MOST_DB:g} dB, or none for the best that is tried",
+        )
     scene = scene.with_settings(NOT_DRAWN)
     if quick:
         scene = scene.by_default((*ONE_FOLD, *(SMALL_TOWN if scene.town else ())))

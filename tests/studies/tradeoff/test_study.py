@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -297,3 +298,12 @@ def test_a_quick_look_makes_one_fold_unless_the_user_says_how_many(stages: Stage
     scene = open_studied(Store(tmp_path), "demo", None).with_settings(["grouping.folds=2"])
     looked = study_scene(Store(tmp_path), scene, True, 1, None, False, stages.maker(Store(tmp_path)), lambda *_: None)
     assert looked.scene.config().grouping.folds == 2
+
+
+@pytest.mark.parametrize("target_db", [math.nan, math.inf, -1.0, 1e9])
+def test_a_target_that_is_no_psnr_is_refused_before_anything_is_made(
+    stages: Stages, tmp_path: Path, target_db: float
+) -> None:
+    with pytest.raises(UsageError, match="is no PSNR"):
+        studied(stages, tmp_path, target_db=target_db)
+    assert not stages.computed
