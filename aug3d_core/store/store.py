@@ -205,9 +205,14 @@ class Store:
         return None if changed else record
 
     def whole(self, stage: str, key: str) -> Record | None:
-        """Return an object's record if all its files are what was written, None otherwise. Nothing on the disk is changed."""
+        """Return an object's record if all its files are what was written, None otherwise; nothing on the disk is changed.
+
+        None, too, where other machines should have the object and have not: `take` gives it to them.
+        """
         record = self.record(stage, key)
-        return record if isinstance(record, Record) and not self.faults(record) else None
+        if not isinstance(record, Record) or self.faults(record):
+            return None
+        return record if self.shared is None or self.shared.is_shared(self.object_dir(stage, key)) else None
 
     def put_aside(self, record: Record, seen: Fault) -> Path | None:
         """Move a damaged object out of sight and return where it lies; None if somebody else did, or the disk forbids it."""
@@ -233,7 +238,7 @@ class Store:
     def record(self, stage: str, key: str) -> Record | Fault:
         """Return an object's record, another machine's too, or what is wrong with it."""
         folder = self.object_dir(stage, key)
-        if self.shared is not None and not folder.exists():
+        if self.shared is not None and not folder.exists() and os.access(self.root / layout.OBJECTS, os.W_OK):
             self.shared.bring_record(stage, key, folder)
         try:
             return read_record(folder / layout.RECORD)

@@ -117,7 +117,9 @@ def test_an_object_made_before_there_was_a_store_is_shared_when_it_is_used(
     made = commit(Store(tmp_path / "maker"))
     monkeypatch.setenv("AUG3D_STORE", bucket)
     assert Store(tmp_path / "other").find("photos", "k1") is None
+    assert Store(tmp_path / "maker").whole("photos", "k1") is None
     Store(tmp_path / "maker").take("photos", "k1")
+    assert Store(tmp_path / "maker").whole("photos", "k1") == made
     assert read(Store(tmp_path / "other"), made) == "hello"
 
 
