@@ -117,6 +117,13 @@ class Bucket:
         while True:
             try:
                 return request()
+            except FileNotFoundError as error:
+                if "NoSuchBucket" not in str(error):
+                    raise
+                raise StoreError(
+                    f"there is no bucket of the store {self.url}",
+                    "make the bucket, or see AWS_ENDPOINT_URL and AUG3D_STORE",
+                ) from error
             except (PermissionDeniedError, UnauthenticatedError) as error:
                 raise StoreError(
                     f"the store {self.url} does not let us in: {_reason(error)}",

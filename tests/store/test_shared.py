@@ -246,6 +246,14 @@ def test_an_address_that_is_no_bucket_is_refused_without_its_secrets(url: str) -
     assert "s3://BUCKET/PREFIX" in str(caught.value) and "secret@" not in str(caught.value)
 
 
+def test_a_bucket_that_is_not_there_is_told_before_anything_is_made(
+    tmp_path: Path, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AUG3D_STORE", "s3://no-such-bucket/x")
+    with pytest.raises(StoreError, match="there is no bucket of the store s3://no-such-bucket/x"):
+        Store(tmp_path).find("photos", "k1")
+
+
 def test_work_that_never_got_a_record_is_not_seen(tmp_path: Path, shared: str) -> None:
     """Blobs first: a maker that dies before its record leaves nothing that counts, and the next one uses them."""
     place = Bucket(shared)
