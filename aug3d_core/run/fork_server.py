@@ -45,6 +45,7 @@ PRELOAD = [
 # Variables that the libraries above, or Python itself, read only once.
 _READ_ONCE = ("OMP_", "OPENBLAS_", "MKL_", "NUMEXPR_", "MPL", "LD_", "PYTHONHASHSEED")
 
+LOST = 255  # the exit code of a stage whose server was killed, which takes its stages along
 _LOOK_S = 1.0  # far longer than a start takes
 _one_start = threading.Lock()
 

@@ -250,6 +250,21 @@ def test_a_torn_note_of_what_was_spent_is_no_obstacle(tmp_path: Path, torn: str)
     assert make(store, stage, FakeConfig()).seconds < 100
 
 
+def test_the_death_of_the_fork_server_is_an_end_from_outside(tmp_path: Path) -> None:
+    """Such an end is tried again."""
+
+    def kill() -> None:
+        server = psutil.Process(wait_for_pid(tmp_path, "pid")).parent()
+        assert server is not None
+        server.kill()
+
+    killing = threading.Thread(target=kill)
+    killing.start()
+    assert fail(tmp_path, "slow").cause == "killed"
+    killing.join()
+    assert run(tmp_path, "slow").metrics["figure"] == 1.5
+
+
 def test_killing_the_factory_kills_its_stages(tmp_path: Path) -> None:
     fake_stage(tmp_path)
     code = f"""
