@@ -128,3 +128,13 @@ def _become(package: str, job: str, log: str, environment: dict[str, str]) -> No
         runpy.run_module(package, run_name="__main__", alter_sys=True)
     finally:
         atexit._run_exitfuncs()
+        _leave_the_log()
+
+
+def _leave_the_log() -> None:
+    """Throw away what a full disk has no room for: else the process would end of that, and not with its own exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

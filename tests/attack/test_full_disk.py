@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import pytest
 
 from tests.attack.town_process import ORDER, TownRun, begun, damaged, digests, leftovers, made
 from tests.photos.photo_files import write_photo
+from tests.tests_support import fill
 
 DISK_MIB = 1400  # what the look before the run wants is free, at first
 AFTER_S = (1.0, 3.0)  # until something else fills the disk
@@ -144,13 +144,3 @@ def kept_full(file: Path) -> Iterator[None]:
         over.set()
         keeping.join()
         file.unlink()
-
-
-def fill(file: Path) -> None:
-    """Take what is free on a disk: in pieces of a size while there is room for one, then in smaller ones."""
-    with suppress(OSError), file.open("ab", buffering=0) as other:
-        for size in (1 << 26, 1 << 20, 1 << 12):
-            with suppress(OSError):
-                while True:
-                    os.posix_fallocate(other.fileno(), other.tell(), size)
-                    other.seek(size, os.SEEK_CUR)
