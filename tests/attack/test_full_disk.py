@@ -23,7 +23,7 @@ DISK_MIB = 1400  # what the look before the run wants is free, at first
 AFTER_S = (1.0, 3.0)  # until something else fills the disk
 HANG_S = 600.0
 FROM_THE_START_S = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # until a run begins its first stage, on a busy machine
-FROM_THE_END_S = (0.0, 0.3, 0.6, 1.0, 1.5, 2.5)  # of the last stage on: the report, the publication, MLflow
+FROM_THE_END_S = (0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0)  # of the last stage on: the report, the publication, MLflow
 FREED_AGAIN_S = 0.05
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.attack.town_process import ORDER, TownRun, damaged, digests, leftovers, made
+from tests.attack.town_process import ORDER, TownRun, damaged, digests, leftovers
 
 BEGINNING, END, BETWEEN = (
     "beginning",
@@ -136,7 +136,7 @@ def _kill_one(run: TownRun, place: str, rng: random.Random, of_stages: float, ta
         working = [process for process in living if run.kind(process) in ("stage", "worker")]
         serving = [process for process in living if process not in working]
         victim = rng.choice(working if working and rng.random() < of_stages else serving or working)
-        kind, stage = run.kind(victim), run.stage() or (END if made(run.home, ORDER[-1]) else "")
+        kind, stage = run.kind(victim), run.stage() or (END if run.past_stages() else "")
         try:
             victim.kill()
         except psutil.NoSuchProcess:  # it ended meanwhile
