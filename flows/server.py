@@ -5,6 +5,7 @@ Prefect can start such a server by itself, but that one outlives a run that is k
 
 from __future__ import annotations
 
+import logging
 import os
 import secrets
 import signal
@@ -39,6 +40,8 @@ def prefect_server(home: Path) -> Iterator[Callable[[], bool]]:
     before it is called. It returns whether the server is this run's own. One that dies is started again; a run that fails
     since that did not help raises StoreError.
     """
+    # Of a connection that a killed server leaves it prints a traceback; Prefect connects again, or tells the run.
+    logging.getLogger("websockets.client").setLevel(logging.CRITICAL)
     if os.environ.get(_API):
         yield lambda: False
         return

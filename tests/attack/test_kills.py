@@ -57,6 +57,7 @@ class Tally:
         return "\n".join([*lines, f"{len(self.wrong)} wrong", *self.wrong])
 
 
+@pytest.mark.timeout(1500)
 def test_killed_at_a_few_moments(small_town: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     rng, tally = random.Random(5), Tally()
     attack(tmp_path, sorted(rng.sample(PLACES, FEW), key=PLACES.index), small_town[1], rng, tally)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 import os
 import sqlite3
 import subprocess
@@ -131,6 +132,9 @@ def test_one_that_is_killed_is_started_again_and_no_request_is_refused(
         first.kill()
         first.wait()
         assert asked() == 0, "a request that comes while it is away waits for the next one"
+        assert not logging.getLogger("websockets.client").isEnabledFor(logging.ERROR), (
+            "the run shows no traceback of it"
+        )
         [second] = servers() - before
         assert second.pid != first.pid and listening_at() == {"127.0.0.1"}
     assert "started again" in capsys.readouterr().err
