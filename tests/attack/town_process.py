@@ -83,6 +83,10 @@ class TownRun:
         now = self.stage()
         return bool(now) and ORDER.index(now) >= ORDER.index(stage)
 
+    def past_look(self) -> bool:
+        """Say whether this run has found that the disk has room: Prefect's server follows."""
+        return "everything goes to" in self.progress.read_text()
+
     def past_stages(self) -> bool:
         """Say whether this run has told the end of the last stage: a report and MLflow follow."""
         return f" {ORDER[-1]}: " in self.progress.read_text()
