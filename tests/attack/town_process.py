@@ -33,6 +33,7 @@ class TownRun:
         logs.mkdir(exist_ok=True)
         number = len(list(logs.glob("*.out")))
         self.home, self.started = home, time.monotonic()
+        self._before = self._versions()
         self.out, self.progress = logs / f"{number:03d}.out", logs / f"{number:03d}.err"
         words = [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *OVERRIDES]
         with self.out.open("w") as out, self.progress.open("w") as progress:
@@ -90,6 +91,13 @@ class TownRun:
     def past_stages(self) -> bool:
         """Say whether this run has told the end of the last stage: a report and MLflow follow."""
         return f" {ORDER[-1]}: " in self.progress.read_text()
+
+    def past_report(self) -> bool:
+        """Say whether this run has written its version: MLflow follows."""
+        return self._versions() > self._before
+
+    def _versions(self) -> int:
+        return len(list((self.home / layout.SCENES / "demo").glob(f"*/{layout.METRICS}")))
 
     def told(self) -> dict[str, Any]:
         """Return the JSON that an ended run printed; raises ValueError if it is none."""
