@@ -17,8 +17,8 @@ test: $(READY)  ## the whole test suite, with the real engines
 check: $(READY)  ## lint, types and the quick tests, for daily work
 	@$(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright && $(PY) -m pytest -m "not slow" -q $(SHARED)
 
-attack: $(READY)  ## kills, full disks, flipped bits, malformed input: what is in tests/attack
-	@$(PY) -m pytest -m attack -n 0
+attack: $(READY)  ## kills, full disks, flipped bits, malformed input: what is in tests/attack, also what takes long
+	@$(PY) -m pytest tests/attack -m attack $(SHARED)
 
 setup: $(READY)  ## install only
 

@@ -5,8 +5,10 @@ Prefect can start such a server by itself, but that one outlives a run that is k
 
 from __future__ import annotations
 
+import logging
 import os
 import secrets
+import signal
 import socket
 import subprocess
 import sys
@@ -38,6 +40,8 @@ def prefect_server(home: Path) -> Iterator[Callable[[], bool]]:
     before it is called. It returns whether the server is this run's own. One that dies is started again; a run that fails
     since that did not help raises StoreError.
     """
+    # Of a connection that a killed server leaves it prints a traceback; Prefect connects again, or tells the run.
+    logging.getLogger("websockets.client").setLevel(logging.CRITICAL)
     if os.environ.get(_API):
         yield lambda: False
         return
@@ -104,7 +108,7 @@ class _Server:
             self._starts += 1
 
     def wait(self) -> bool:
-        """Wait until it can be used; from then on it is started again whenever it dies."""
+        """Wait until it can be used; from then on it is started again whenever it dies, until then if it is killed."""
         self._wait_until_healthy()
         if self._database is not None:
             keep(layout.PREFECT, self._database)
@@ -125,22 +129,29 @@ class _Server:
             self._process.wait()
             if self._ending:
                 return
-            code = self._process.returncode
-            print(f"Prefect's server of this run ended ({code}); it is started again", file=sys.stderr, flush=True)
             try:
-                if self._starts >= _MOST_STARTS:
-                    raise StoreError(f"Prefect's server of this run ended {self._starts} times", f"look at {self._log}")
-                self.start()
+                self._start_again()
                 self._wait_until_healthy()
             except Exception as error:  # whatever it is, the run must hear of it
                 self.lost = error if isinstance(error, StoreError) else StoreError(str(error), f"look at {self._log}")
                 self._socket.close()  # who waits in it is refused now
                 return
 
+    def _start_again(self) -> None:
+        if self._starts >= _MOST_STARTS:
+            raise StoreError(f"Prefect's server of this run ended {self._starts} times", f"look at {self._log}")
+        code = self._process.returncode
+        print(f"Prefect's server of this run ended ({code}); it is started again", file=sys.stderr, flush=True)
+        self.start()
+
     def _wait_until_healthy(self) -> None:
         deadline = time.monotonic() + _PATIENCE_S
         address = self.serving.healthy_at(PREFECT)
-        while self._process.poll() is None and time.monotonic() < deadline:
+        while time.monotonic() < deadline and not self._ending:
+            if (code := self._process.poll()) == -signal.SIGKILL:  # it comes from outside: another start may go well
+                self._start_again()
+            elif code is not None:
+                break
             try:
                 with urllib.request.urlopen(address, timeout=1):
                     return

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
 import tests.shapes  # noqa: F401  (the hook below looks it up by name)
+from tests.journeys.small_town import OVERRIDES
 
 pytest_plugins = ("tests.processes", "tests.skips")
 
@@ -101,3 +105,21 @@ def read_only() -> Iterator[Callable[[Path], None]]:
     yield mount
     for folder in mounted:
         subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.fixture(scope="session")
+def own_environment() -> Iterator[None]:
+    """Start programs as a user does: without what the tests before have set for Prefect and MLflow in this process."""
+    ours = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith(("PREFECT_", "MLFLOW_"))}
+    yield
+    os.environ.update(ours)
+
+
+@pytest.fixture(scope="session")
+def small_town(own_environment: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Make the small town, and return its home and what its first run told."""
+    home = tmp_path_factory.mktemp("demo")
+    words = [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *OVERRIDES]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
+    return home, json.loads(done.stdout)

@@ -21,7 +21,7 @@ from tests.engine_imports import engines_of, mixed
 
 _KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
 _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
-_PROGRAMS = ("flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
+_PROGRAMS = ("attack", "flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
 _LONGEST_FIRST = (
     "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/infra", "tests/engines", "tests/flows",
     "tests/tasks",
@@ -29,6 +29,7 @@ _LONGEST_FIRST = (
 # Files of one scene: what the first of them makes, the others use.
 _TOGETHER = {
     "tests/journeys/test_study.py": "tests/journeys/test_demo.py",
+    "tests/attack/test_kills.py": "tests/journeys/test_demo.py",
     "tests/journeys/test_bad_input.py": "tests/journeys/test_daily_use.py",
     "tests/journeys/test_import.py": "tests/journeys/test_daily_use.py",
 }

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -138,3 +139,13 @@ def flip(file: Path, bit: int | None = None) -> None:
     at = 4 * len(content) if bit is None else bit
     content[at // 8] ^= 1 << (at % 8)
     rot(file, bytes(content))
+
+
+def fill(file: Path) -> None:
+    """Take what is free on a disk: in pieces of a size while there is room for one, then in smaller ones."""
+    with suppress(OSError), file.open("ab", buffering=0) as other:
+        for size in (1 << 26, 1 << 20, 1 << 12):
+            with suppress(OSError):
+                while True:
+                    os.posix_fallocate(other.fileno(), other.tell(), size)
+                    other.seek(size, os.SEEK_CUR)

@@ -45,6 +45,7 @@ PRELOAD = [
 # Variables that the libraries above, or Python itself, read only once.
 _READ_ONCE = ("OMP_", "OPENBLAS_", "MKL_", "NUMEXPR_", "MPL", "LD_", "PYTHONHASHSEED")
 
+LOST = 255  # the exit code of a stage whose server was killed, which takes its stages along
 _LOOK_S = 1.0  # far longer than a start takes
 _one_start = threading.Lock()
 
@@ -127,3 +128,13 @@ def _become(package: str, job: str, log: str, environment: dict[str, str]) -> No
         runpy.run_module(package, run_name="__main__", alter_sys=True)
     finally:
         atexit._run_exitfuncs()
+        _leave_the_log()
+
+
+def _leave_the_log() -> None:
+    """Throw away what a full disk has no room for: else the process would end of that, and not with its own exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -21,7 +21,7 @@ import psutil
 
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME, PROGRESS, SPENT
-from aug3d_core.run.fork_server import start
+from aug3d_core.run.fork_server import LOST, start
 from aug3d_core.run.full_disk import NO_ROOM_BYTES, NO_ROOM_ERRORS, disk_remedy, free_bytes, says_disk_full
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, Limits, limits_from
 from aug3d_core.run.linux_process import SUPERVISED
@@ -211,6 +211,8 @@ def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) ->
             "it was killed (SIGKILL), perhaps for want of memory",
             "close other programs or use a smaller preset, then run again",
         )
+    if returncode == LOST:
+        return "killed", "it was killed with the process that starts stages (the fork server)", "run again"
     if returncode < 0:
         name = signal.Signals(-returncode).name
         return (

@@ -49,7 +49,8 @@ def main() -> None:
     try:
         run_job(Job.model_validate_json(job_file.read_bytes()), job_file.parent)
     except Exception as error:
-        traceback.print_exc()
+        with suppress(OSError):  # the log is on the same disk
+            traceback.print_exc()
         try:
             write_synced(job_file.parent / ERROR, json.dumps(_described(error)).encode())
         except OSError as unwritten:

@@ -5,17 +5,26 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.attack.town_process import ORDER, TownRun, damaged, digests, leftovers, made
 from tests.photos.photo_files import write_photo
+from tests.tests_support import fill
 
 DISK_MIB = 1400  # what the look before the run wants is free, at first
 AFTER_S = (1.0, 3.0)  # until something else fills the disk
+HANG_S = 600.0
+FROM_THE_LOOK_S = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # of a run at what is free on: servers start
+FROM_THE_END_S = (0.0, 0.5, 1.0, 2.0)  # of the last stage on: the report; then again from the report on: MLflow
+FREED_AGAIN_S = 0.05
 
 
 @pytest.fixture
@@ -50,14 +59,91 @@ def test_a_disk_that_fills_up_during_a_run_is_named_and_nothing_is_lost(
     looked_first = "may need" in said and "are free" in said  # it was full before the run looked
     assert looked_first or ("no space left on the disk" in said and "MiB free" in said)
     (small_disk / "else").unlink()
-    looked = subprocess.run([aug3d, "verify", "--home", str(home), "--json"], capture_output=True, text=True)
-    assert json.loads(looked.stdout)["damaged"] == []
+    assert not damaged(home)
 
 
-def fill(file: Path) -> None:
-    with suppress(OSError), file.open("wb", buffering=0) as other:
-        while True:
-            other.write(bytes(1 << 20))
-    with suppress(OSError), file.open("ab", buffering=0) as other:
-        while True:
-            other.write(bytes(512))
+@pytest.mark.slow
+@pytest.mark.attack
+@pytest.mark.long
+@pytest.mark.timeout(2 * 3600)
+def test_a_disk_that_fills_up_at_any_stage_is_named_and_nothing_is_lost(
+    small_disk: Path, tmp_path: Path, small_town: tuple[Path, dict[str, Any]]
+) -> None:
+    home, wrong, counts = small_disk / "home", [], {"failed": 0, "well": 0}
+
+    def attack(where: str, attacked: TownRun, then_s: float = 0.0) -> None:
+        time.sleep(then_s)
+        with kept_full(small_disk / "else"):
+            try:
+                attacked.wait(HANG_S)
+            except TimeoutError:
+                wrong.append(f"{where}: hangs; {attacked.living()}")
+                attacked.end()
+        counts["well" if attacked.factory.returncode in (0, 3) else "failed"] += 1
+        found = [*_wrong(attacked), *damaged(home), *leftovers(home)]
+        print(f"{where}: exit code {attacked.factory.returncode} {found or ''}", flush=True)
+        wrong.extend(f"{where}: {one}" for one in found)
+
+    for after_s in FROM_THE_LOOK_S:
+        run = TownRun(home, tmp_path / "logs")
+        run.wait_for(run.past_look, HANG_S)
+        attack(f"{after_s} s after the look", run, after_s)
+    for stage in ORDER:
+        run, known = TownRun(home, tmp_path / "logs"), {name for name in ORDER if made(home, name)}
+        assert run.wait_for(partial(run.reached, stage), HANG_S), _told(run)
+        attack(stage, run)
+        wrong += [f"{stage}: {name} is lost" for name in known if not made(home, name)]
+    for last in ("past_stages", "past_report"):
+        for after_s in FROM_THE_END_S:
+            run = TownRun(home, tmp_path / "logs")
+            run.wait_for(getattr(run, last), HANG_S)
+            attack(f"{after_s} s {last}", run, after_s)
+    freed = TownRun(home, tmp_path / "logs")
+    freed.wait(HANG_S)
+    assert freed.factory.returncode in (0, 3), _told(freed)
+    print(f"\n{counts}")
+    assert not wrong
+    assert counts["failed"] >= len(ORDER)
+    assert digests(freed.told()) == digests(small_town[1])
+    assert all(figures["cached"] for figures in freed.told()["stages"].values())
+
+
+def _wrong(run: TownRun) -> list[str]:
+    """Say what is wrong with how a run ended on a full disk."""
+    progress = run.progress.read_text()
+    wrong = [f"a traceback: {progress[-3000:]}"] if "Traceback" in progress else []
+    try:
+        told = run.told()
+    except ValueError:
+        return [*wrong, f"no JSON: {_told(run)}"]
+    if run.factory.returncode in (0, 3):  # it needed no more room
+        return wrong
+    said = json.dumps(told.get("failure"))
+    named = (("may need", "are free"), ("no space left on the disk", "MiB free"))
+    if not any(all(words in said for words in pair) for pair in named):
+        wrong.append(f"does not name the disk: {_told(run)}")
+    return wrong if run.factory.returncode == 1 else [*wrong, _told(run)]
+
+
+def _told(run: TownRun) -> str:
+    return f"exit code {run.factory.returncode}: {run.out.read_text()[-500:]} {run.progress.read_text()[-2000:]}"
+
+
+@contextmanager
+def kept_full(file: Path) -> Iterator[None]:
+    """Fill a disk, and take at once what is freed on it, until the block ends."""
+    over = threading.Event()
+
+    def keep() -> None:
+        while not over.wait(FREED_AGAIN_S):
+            fill(file)
+
+    fill(file)
+    keeping = threading.Thread(target=keep)
+    keeping.start()
+    try:
+        yield
+    finally:
+        over.set()
+        keeping.join()
+        file.unlink()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 import os
 import sqlite3
 import subprocess
@@ -20,7 +21,7 @@ import pytest
 from aug3d_core.run.errors import StoreError
 from flows.server import prefect_server
 from flows.settings import local_environment
-from tests.tests_support import words_of
+from tests.tests_support import wait_until_dead, words_of
 
 pytestmark = pytest.mark.slow
 
@@ -131,9 +132,23 @@ def test_one_that_is_killed_is_started_again_and_no_request_is_refused(
         first.kill()
         first.wait()
         assert asked() == 0, "a request that comes while it is away waits for the next one"
+        assert not logging.getLogger("websockets.client").isEnabledFor(logging.ERROR), (
+            "the run shows no traceback of it"
+        )
         [second] = servers() - before
         assert second.pid != first.pid and listening_at() == {"127.0.0.1"}
     assert "started again" in capsys.readouterr().err
+    assert servers() == before
+
+
+def test_one_that_is_killed_before_it_is_ready_is_started_again(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = servers()
+    with prefect_server(home) as ready:
+        [first] = servers() - before
+        first.kill()
+        wait_until_dead(first.pid)
+        assert ready() and asked() == 0
+    assert capsys.readouterr().err.count("started again") == 1
     assert servers() == before
 
 

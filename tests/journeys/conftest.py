@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,15 +12,11 @@ import pytest
 
 from flows.server import prefect_server
 from flows.settings import local_environment
-from tests.journeys.small_town import OVERRIDES
 
 
 @pytest.fixture(scope="session", autouse=True)
-def own_environment() -> Iterator[None]:
-    """Start programs as a user does: without what the tests before have set for Prefect and MLflow in this process."""
-    ours = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith(("PREFECT_", "MLFLOW_"))}
-    yield
-    os.environ.update(ours)
+def as_a_user(own_environment: None) -> None:
+    """Start every program of a journey in the environment of a user."""
 
 
 @pytest.fixture(scope="session")
@@ -40,16 +33,12 @@ def served(own_environment: None, tmp_path_factory: pytest.TempPathFactory) -> I
 
 
 @pytest.fixture(scope="session")
-def home(own_environment: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def home(small_town: tuple[Path, dict[str, Any]]) -> Path:
     """Return the home of the journeys through the small town."""
-    return tmp_path_factory.mktemp("demo")
+    return small_town[0]
 
 
 @pytest.fixture(scope="session")
-def first(home: Path) -> dict[str, Any]:
-    """Make the small town, and return what its first run told."""
-    aug3d = str(Path(sys.executable).parent / "aug3d")
-    words = [aug3d, "demo", "--json", "--home", str(home), *OVERRIDES]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
-    return json.loads(done.stdout)
+def first(small_town: tuple[Path, dict[str, Any]]) -> dict[str, Any]:
+    """Return what the first run of the small town told."""
+    return small_town[1]

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 from aug3d_core.factory.stages import FROM_TOWN, STAGES
@@ -20,6 +19,7 @@ from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.metric import spec_of
 from aug3d_core.store.scenes import DIGESTS
 from aug3d_core.store.seal import SEAL
+from tests.attack.town_process import begun, digests, leftovers
 from tests.journeys.small_town import OVERRIDES
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
@@ -34,10 +34,6 @@ def run(home: Path, *more: str, env: Mapping[str, str] | None = None) -> dict[st
     done = subprocess.run(command(home, *more), capture_output=True, text=True, env=env)
     assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout)
-
-
-def digests(metrics: dict[str, Any]) -> dict[str, str]:
-    return {name: figures["digest"] for name, figures in metrics["stages"].items()}
 
 
 def computed(metrics: dict[str, Any]) -> set[str]:
@@ -150,24 +146,7 @@ def test_killed_at_many_moments_it_ends_in_the_same_digests(
 
 def wait_for_work(home: Path, stage: str, factory: subprocess.Popen) -> bool:
     while factory.poll() is None:
-        if list((home / "work" / stage).glob("*/log.txt")):
+        if begun(home, stage):
             return True
         time.sleep(0.05)
     return False
-
-
-def leftovers(home: Path) -> list[str]:
-    """Return the commands that still run for this home: stages, renderers, Prefect's server."""
-    deadline = time.monotonic() + 60
-    while True:
-        alive = [p for p in psutil.process_iter() if works_for(p, home)]
-        if not alive or time.monotonic() > deadline:
-            return [" ".join(p.cmdline()) for p in alive]
-        time.sleep(0.2)
-
-
-def works_for(process: psutil.Process, home: Path) -> bool:
-    try:
-        return process.environ().get("PREFECT_HOME") == str(home / "prefect")
-    except psutil.Error:
-        return False

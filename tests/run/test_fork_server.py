@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import textwrap
 import threading
 import time
+from collections.abc import Callable
 from multiprocessing import forkserver
 from multiprocessing.popen_fork import Popen
 from pathlib import Path
@@ -16,7 +18,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from aug3d_core.run.fork_server import start
+from aug3d_core.run.fork_server import LOST, start
 from tests.tests_support import wait_until_dead
 
 _SAYS = """
@@ -61,6 +63,23 @@ def test_how_it_ended_is_told(tmp_path: Path, job: str, code: int) -> None:
     assert process.wait() == code == process.poll() == process.returncode
 
 
+def test_a_log_that_cannot_be_opened_is_told_by_the_exit_code_alone(
+    tmp_path: Path, small_disk: Callable[[int], Path]
+) -> None:
+    disk = small_disk(1)
+    subprocess.run(["mount", "-o", "remount,nr_inodes=1", str(disk)], check=True)  # its own folder takes the only one
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+        (disk / "log").touch()
+    code = f"""
+import os, sys
+from pathlib import Path
+from aug3d_core.run.fork_server import LOST, start
+sys.exit(start("tests_says", Path({str(tmp_path / "job")!r}), Path({str(disk / "log")!r}), os.environ).wait())
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (told.returncode, told.stdout, told.stderr) == (errno.ENOSPC, "", "")
+
+
 def test_many_at_once_are_not_mixed_up(tmp_path: Path) -> None:
     codes: dict[int, int] = {}
 
@@ -79,7 +98,7 @@ def test_stages_end_with_their_server_and_the_next_stage_gets_a_new_one(tmp_path
     process = begin(tmp_path, '{"seconds": 600}')
     assert process.poll() is None
     psutil.Process(process.pid).parent().kill()  # type: ignore[union-attr]
-    assert process.wait() == 255
+    assert process.wait() == LOST
     wait_until_dead(process.pid)
     assert begin(tmp_path).wait() == 0
 
@@ -89,7 +108,7 @@ def test_the_server_ends_with_the_factory_even_if_a_stage_lives_on(tmp_path: Pat
     code = f"""
 import os, sys
 from pathlib import Path
-from aug3d_core.run.fork_server import start
+from aug3d_core.run.fork_server import LOST, start
 from tests.tests_support import wait_until_dead
 sys.path.insert(0, {str(tmp_path)!r})
 process = start("tests_says", Path({str(tmp_path / "job")!r}), Path({str(tmp_path / "log")!r}), os.environ)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -18,13 +19,15 @@ import pytest
 
 from aug3d_core.factory.build import build, work_of
 from aug3d_core.run.errors import StageFailed, UsageError
-from aug3d_core.run.files import LOG, SPENT
+from aug3d_core.run.files import JOB, LOG, SPENT
+from aug3d_core.run.fork_server import start
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY
 from aug3d_core.run.stage import Progress, Stage
+from aug3d_core.run.stage_main import Job
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
-from tests.tests_support import FakeConfig, fake_stage, wait_until_dead
+from tests.tests_support import FakeConfig, fake_stage, fill, wait_until_dead
 
 
 @pytest.fixture(autouse=True)
@@ -250,6 +253,21 @@ def test_a_torn_note_of_what_was_spent_is_no_obstacle(tmp_path: Path, torn: str)
     assert make(store, stage, FakeConfig()).seconds < 100
 
 
+def test_the_death_of_the_fork_server_is_an_end_from_outside(tmp_path: Path) -> None:
+    """Such an end is tried again."""
+
+    def kill() -> None:
+        server = psutil.Process(wait_for_pid(tmp_path, "pid")).parent()
+        assert server is not None
+        server.kill()
+
+    killing = threading.Thread(target=kill)
+    killing.start()
+    assert fail(tmp_path, "slow").cause == "killed"
+    killing.join()
+    assert run(tmp_path, "slow").metrics["figure"] == 1.5
+
+
 def test_killing_the_factory_kills_its_stages(tmp_path: Path) -> None:
     fake_stage(tmp_path)
     code = f"""
@@ -269,6 +287,17 @@ build(Store(Path({str(tmp_path / "home")!r})), work, lambda *_: None)
         finally:
             factory.kill()
     wait_until_dead(stage_pid)
+
+
+@pytest.mark.parametrize("do", ["raise", "succeed"])
+def test_a_stage_that_can_write_nothing_says_so_by_its_exit_code(
+    tmp_path: Path, small_disk: Callable[[int], Path], do: str
+) -> None:
+    stage, folder = fake_stage(tmp_path), small_disk(1)
+    job = Job(stage=stage.name, entry=stage.entry, config={"do": do}, inputs={})
+    (folder / JOB).write_text(job.model_dump_json())
+    fill(folder / "else")
+    assert start(stage.package, folder / JOB, folder / LOG, os.environ).wait() == errno.ENOSPC
 
 
 @pytest.mark.parametrize("resumable", [False, True])
