@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import re
 import time
 from collections.abc import Callable
 from datetime import timedelta
@@ -142,9 +143,8 @@ class Bucket:
 
 
 def _away(error: Exception) -> bool:
-    """Say whether a service may be back soon: it could not be reached, or said that it is busy."""
-    said = str(error)
-    return any(word in said for word in ("error sending request", "timed out", "Server returned", "status: 5", " 50"))
+    """Say whether a service may be back soon: it could not be reached, broke off, or said that it is busy."""
+    return re.search(r"error sending request|error decoding|timed out|status code: (429|5\d\d)", str(error)) is not None
 
 
 def _reason(error: Exception) -> str:

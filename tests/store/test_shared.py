@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+from typing import ClassVar
 
 import obstore
 import pytest
@@ -217,6 +220,38 @@ def test_a_store_that_is_away_is_waited_for(
     with pytest.raises(StoreError, match="s3://photographs/away cannot be used") as caught:
         commit(store, key="k2")
     assert not any(secret in f"{caught.value} {caplog.text}" for secret in (KEYS["AWS_SECRET_ACCESS_KEY"], "tester"))
+
+
+class Moody(BaseHTTPRequestHandler):
+    """A service that says what it was told to, one status for each request, and then that there is nothing."""
+
+    statuses: ClassVar[list[int]] = []
+
+    def do_GET(self) -> None:
+        self.send_response(self.statuses.pop(0) if self.statuses else 404)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("status", "ends"), [(503, None), (429, None), (400, "cannot be used"), (403, "does not let us in")]
+)
+def test_a_busy_service_is_asked_again_and_one_that_refuses_is_not(
+    status: int, ends: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bucket_module, "_PAUSE_S", 0.1)
+    with HTTPServer(("127.0.0.1", 0), Moody) as service:
+        threading.Thread(target=service.serve_forever, daemon=True).start()
+        for name, value in {**KEYS, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{service.server_port}"}.items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr(Moody, "statuses", [status] * 6)
+        with nullcontext() if ends is None else pytest.raises(StoreError, match=ends):
+            assert Bucket("s3://bucket").get("name") is None
+        assert bool(Moody.statuses) == (ends is not None)
+        service.shutdown()
 
 
 class s3_service_later:
