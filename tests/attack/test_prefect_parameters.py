@@ -218,6 +218,7 @@ def _verdict(flow: Any, deployment: Any, parameters: Any, enforce: bool) -> tupl
     return WORDS, state.message or ""
 
 
+@pytest.mark.long
 def test_parameters(store: Store, deployed: dict[str, Any], tmp_path: Path) -> None:
     flows, counts, bad = _flows(), Counter[str](), []
     attacks = list(_attacks(SceneEntry(photos=None).config().model_dump(mode="json")))

@@ -64,11 +64,12 @@ def test_what_reads_says_the_same_as_where_it_may_write(
     assert told[0] == told[1] and sorted(home.rglob("*")) == held
 
 
+# Not study stability: it brings open3d into this process, and other tests of it have torch
 WRITES = (
     "demo", "run hill --photos {photos}", "gc", "gc --scene hill", "verify --repair", "scenes add two --town",
     "scenes remove hill --yes", "scenes schedule hill --every 6h", "collections add two --towns 3",
     "collections remove all --yes", "collections train all", "collections towns --count 1", "study grouping hill",
-    "study tradeoff hill", "study stability", "bench geometry", "up", "predict --photos {photos}",
+    "study tradeoff hill", "bench geometry", "up", "predict --photos {photos}",
 )  # fmt: skip
 
 
