@@ -40,12 +40,10 @@ def test_a_machine_dies_another_goes_on_and_a_third_has_nothing_to_do(
     os.killpg(dying.pid, signal.SIGKILL)
     dying.wait()
 
-    began = time.monotonic()
     second = run(homes[1], env=team)
     assert digests(second) == digests(first)
     begun = [stage.name for stage in FROM_TOWN]
     assert computed(second) == set(begun[begun.index("depth") :])
-    assert time.monotonic() - began < 300
 
     third = run(homes[2], env=team)
     assert computed(third) == set() and digests(third) == digests(first)

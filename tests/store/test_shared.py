@@ -153,7 +153,7 @@ def test_names_from_the_store_stay_in_their_folder(tmp_path: Path, shared: str) 
 
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, seconds in {"RENEW_S": 0.2, "LAPSED_S": 1.5, "LOOK_S": 0.1}.items():
+    for name, seconds in {"RENEW_S": 0.2, "LAPSED_S": 4.0, "LOOK_S": 0.1}.items():
         monkeypatch.setattr(lease_module, name, seconds)
 
 
@@ -165,7 +165,7 @@ def test_a_lease_is_held_by_one_and_then_by_the_next(bucket: str, hasty: None) -
             assert ours
             holding.append(number)
             most.append(len(holding))
-            threading.Event().wait(2.0 if number == 0 else 0.1)  # longer than a lease that is not renewed
+            threading.Event().wait(5.0 if number == 0 else 0.1)  # longer than a lease that is not renewed
             holding.remove(number)
 
     threads = [threading.Thread(target=work, args=(number,)) for number in range(4)]
