@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 import time
 from pathlib import Path
 
@@ -39,7 +40,10 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
     (out / UNSORTED).mkdir(exist_ok=True)
     database = out / UNSORTED / FEATURES
     resumed = features.make_database(photos, images, database)
-    earlier = reuse.best_earlier(image_sha256, inputs.get(EARLIER), out / UNSORTED)
+    scratch = Path(
+        tempfile.mkdtemp(dir=out / UNSORTED)
+    )  # new: SQLite would read a killed try's log into another database
+    earlier = reuse.best_earlier(image_sha256, inputs.get(EARLIER), scratch)
     reused = np.zeros(len(photos), bool)
     if earlier:
         reuse.copy_features(earlier, database)

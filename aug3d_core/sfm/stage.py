@@ -48,7 +48,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     pycolmap.logging.minloglevel = 1  # warnings only: mapping writes dozens of lines per photograph
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     matching = read_matching_table(inputs["matching"])
-    with tempfile.TemporaryDirectory(dir=out) as scratch:
+    (out / MAPPING).mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out / MAPPING) as scratch:  # a killed try's goes with the rest of it
         database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
         may_be_one_spot = refuse_one_spot(database)
         earlier = find_earlier(photos, database, inputs.get(EARLIER))

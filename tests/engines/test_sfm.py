@@ -17,7 +17,7 @@ from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
 from tests.engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
-from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, run_stage, take_photos
+from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, run_stage, run_stage_killed, take_photos
 
 pytestmark = pytest.mark.slow
 
@@ -115,6 +115,16 @@ def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str,
     assert files == sorted(path.relative_to(second) for path in second.rglob("*.*"))
     for file in files:
         assert cmp(first / file, second / file, shallow=False), file
+
+
+def test_killed_while_it_maps_it_leaves_nothing_of_that_try(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    inputs = {"photos": flown[0] / "photos", "matching": flown[0] / "sfm_matching" / "files"}
+    run_stage_killed("sfm", tmp_path / "sfm", inputs, [lambda files: any(files.rglob("features.db"))] * 2)
+    whole, again = (
+        {file.relative_to(top).as_posix(): file.read_bytes() for file in top.rglob("*") if file.is_file()}
+        for top in (flown[0] / "sfm" / "files", tmp_path / "sfm" / "files")
+    )
+    assert again == whole
 
 
 def test_photographs_held_together_by_few_points_are_doubted(
