@@ -21,7 +21,7 @@ from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.record import FileEntry, Record, read_record
 
 _TOGETHER = 8  # requests at once
-_IS_SHARED = ".shared"  # in the folder of an object or a version: the addresses of the stores that have it
+_IS_SHARED = ".shared"  # in the folder of an object: the addresses of the stores that have it
 
 
 class Shared:
@@ -78,7 +78,7 @@ class Shared:
         return self.bucket.has(f"{layout.OBJECTS}/{stage}/{key}/{layout.RECORD}")
 
     def is_shared(self, folder: Path) -> bool:
-        """Say whether this machine knows that the store has an object, or a version."""
+        """Say whether this machine knows that the store has an object."""
         file = folder / _IS_SHARED
         return file.exists() and self.bucket.url in file.read_text().splitlines()
 
@@ -86,13 +86,12 @@ class Shared:
         """Put a version where all machines see it; from then on it counts for them."""
         at = f"{version.parent.parent.name}/{version.parent.name}/{version.name}"
         files = sorted(path.relative_to(version).as_posix() for path in version.rglob("*") if path.is_file())
-        for name in sorted(set(files) - {layout.METRICS, _IS_SHARED}):
+        for name in sorted(set(files) - {layout.METRICS}):
             self.bucket.put(f"{at}/{name}", version / name)
         if not self.bucket.create(f"{at}/{layout.METRICS}", (version / layout.METRICS).read_bytes()):
             raise StoreError(
                 f"another version is at {self.bucket.url}/{at}", "run again: the version gets a name of its own"
             )
-        self._mark(version)
 
     def share_pointer(self, pointer: Path) -> None:
         """Put the pointer to a published version where all machines see it; the last one counts."""
@@ -118,7 +117,6 @@ class Shared:
             file = part.joinpath(*name.split("/")[3:])
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(self.bucket.get(name) or b"")
-        self._mark(part)
         try:
             part.rename(target)
         except OSError:  # another process has brought it meanwhile
