@@ -13,6 +13,7 @@ from mlflow.utils.mlflow_tags import MLFLOW_DATASET_CONTEXT, MLFLOW_PARENT_RUN_I
 
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.factory.plan import stage_of
+from aug3d_core.judging.names import called
 from aug3d_core.metrics.flat import flat_params, headline, needs_params, numbers, settings_of, step_values
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
@@ -145,7 +146,7 @@ def _description(metrics: Mapping[str, Any]) -> str:
             f"PSNR **{nvs['test_psnr_mean']:.2f} dB** [{low:.2f}, {high:.2f}], SSIM {nvs['test_ssim_mean']:.3f},"
             f" on {nvs['test_views']} held-out photographs"
         )
-        cheap = (f"{name.replace('_', ' ')} {value:.2f}" for name, value in nvs["cheap"].items() if value is not None)
+        cheap = (f"{called(name)} {value:.2f}" for name, value in nvs["cheap"].items() if value is not None)
         lines.append(f"Cheap answers, dB: {', '.join(cheap)}")
     if failure := metrics.get("failure"):
         lines.append(f"Failed: {failure['problem']}\n\n{failure['remedy']}")

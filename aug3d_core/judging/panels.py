@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.head import View
+from aug3d_core.judging.names import called
 
 LABEL_PX, GAP_PX = 14, 4
 SMALL_PX = 160  # views that are narrower are shown twice as large
@@ -38,7 +39,7 @@ def panel(
             *_depth(view),
             ("error", error_colours(truth, view.colour)),
         ],
-        [(f"{name.replace('_', ' ')} {scores[f'{name}_psnr']:.1f} dB", image) for name, image in answers.items()],
+        [(f"{called(name)} {scores[f'{name}_psnr']:.1f} dB", image) for name, image in answers.items()],
     ]
     return grid(rows)
 

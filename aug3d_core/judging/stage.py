@@ -20,6 +20,7 @@ from aug3d_core.judging import flythrough, panels, video
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
 from aug3d_core.judging.files import COMPARED, CONVENTIONS, FLYTHROUGH, PANELS, TEST_VIEWS, prediction_of, truth_of
+from aug3d_core.judging.names import called
 from aug3d_core.judging.scores import Judged, evaluate
 from aug3d_core.judging.summary import CHEAP, summary
 from aug3d_core.photos.files import image_name
@@ -71,7 +72,7 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
 def _not_beaten(name: str, figures: Mapping[str, float]) -> str:
     low, high = (figures[f"over_{name}_ci_{end}"] for end in ("low", "high"))
     return (
-        f"the model ({figures['test_psnr_mean']:.2f} dB) does not beat {name.replace('_', ' ')}"
+        f"the model ({figures['test_psnr_mean']:.2f} dB) does not beat {called(name)}"
         f" ({figures[f'cheap_{name}']:.2f} dB): the 95 % interval of the difference is {low:+.2f} to {high:+.2f} dB"
     )
 

@@ -10,10 +10,11 @@ import pandas as pd
 
 from aug3d_core.heads.config import title_of
 from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS, prediction_of, truth_of
+from aug3d_core.judging.names import called
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.metrics.pooled import test_views
 from aug3d_core.photos.files import image_name
-from aug3d_core.report.html import number, slider, spaced, table, tag
+from aug3d_core.report.html import number, slider, table, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.svg import curve
 
@@ -81,7 +82,7 @@ def _answers(views: pd.DataFrame) -> list[str]:
 
 
 def _called(answer: str, head: str) -> str:
-    return head if answer == "psnr" else spaced(answer.removesuffix("_psnr"))
+    return head if answer == "psnr" else called(answer.removesuffix("_psnr"))
 
 
 def _groups(views: pd.DataFrame, rules: dict[str, str] | None, head: str) -> str:

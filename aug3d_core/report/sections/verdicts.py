@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
+from aug3d_core.judging.names import called
 from aug3d_core.judging.summary import FROM_MESH
 from aug3d_core.report.html import number, percent, tag
 from aug3d_core.report.reported_run import ReportedRun
@@ -120,6 +121,6 @@ def _against_cheap(model: float, cheap: dict[str, float]) -> Verdict:
     best = max(cheap, key=lambda name: cheap[name])
     from_inputs = max((value for name, value in cheap.items() if name not in FROM_MESH), default=-float("inf"))
     light: Light = "good" if model >= cheap[best] else "check" if model >= from_inputs else "bad"
-    what = f"model against the best cheap answer ({best.replace('_', ' ')})"
+    what = f"model against the best cheap answer ({called(best)})"
     bounds = "good above all of them, bad below those made from the same inputs"
     return Verdict(what, light, f"{model - cheap[best]:+.2f} dB", bounds)
