@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ from prefect.runtime import deployment, flow_run
 
 from aug3d_core.factory.auto.rows import needs_of
 from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.disk_estimate import needed_bytes, size_words
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, walk
 from aug3d_core.metrics.comparison import Comparison, compare, side
 from aug3d_core.metrics.scene_metrics import scene_metrics
 from aug3d_core.report.scene_report import write_report
-from aug3d_core.run.errors import Aug3dError
+from aug3d_core.run.errors import Aug3dError, DiskFull, StageFailed
 from aug3d_core.run.full_disk import disk_full
 from aug3d_core.store import layout
 from aug3d_core.store.changes import why_made
@@ -64,7 +65,7 @@ def make_version(
     preset: str,
     config: SceneConfig,
     before: Mapping[str, Record],
-    plan: Iterable[Visit],
+    plan: Sequence[Visit],
 ) -> dict[str, Any]:
     """Make a version of a scene, within a flow; returns the content of its `metrics.json`.
 
@@ -81,6 +82,11 @@ def make_version(
             progress.finished(visit)
             artifacts.publish(store, visit)
     except Aug3dError as error:
+        if isinstance(error, DiskFull) or (isinstance(error, StageFailed) and error.cause == "disk"):
+            done = {visit.step.name for visit in made}
+            left = [visit.step for visit in plan if visit.record is None and visit.step.name not in done]
+            needed = needed_bytes(material, config, before, left)
+            error.remedy += f"; what is left of this run may need {size_words(needed)}" if needed else ""
         try:
             _conclude(store, scene, preset, made, before, time.monotonic() - started, error)
         except Exception as second:

@@ -31,10 +31,15 @@ def typed_errors(as_json: bool, home: Path = Path()) -> Iterator[None]:
     except Exception as error:  # of any library that meets a full disk, or a server whose database is on it
         if not disk_full(error) and free_bytes(home) > NO_ROOM_BYTES:
             raise
-        raise _left(disk_failure(home, str(error)), as_json) from error
+        raise _left(disk_failure(home, _briefly(error)), as_json) from error
     except KeyboardInterrupt:
         print("stopped; run the same command again to go on where it was", file=sys.stderr)
         raise typer.Exit(130) from None
+
+
+def _briefly(error: Exception) -> str:
+    """Return the first line of what a library says: those of servers go on with advice about HTTP."""
+    return (str(error).strip() or type(error).__name__).partition("\n")[0]
 
 
 def _left(error: Aug3dError, as_json: bool) -> typer.Exit:

@@ -7,7 +7,7 @@ errs to the large side: three to five times what real runs of the preset tiny wr
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.material import Material
@@ -33,19 +33,31 @@ def check_room(
     plan: Iterable[tuple[Step, Record | None]],
 ) -> None:
     """Raise StoreError if a run may not fit on the store's disk. `before` holds the records of the last version by step."""
-    missing = [step for step, record in plan if record is None]
-    last = [before.get(step.name) or before.get(step.stage.name) for step in missing]
-    try:
-        known = [record.size_bytes for record in last if record]
-        written = 2 * sum(known) if len(known) == len(last) else first_run_bytes(material, config)
-    except InputError:
-        return  # the stage that cannot read the photographs reports it
-    needed, free = written + _SPARE_BYTES, shutil.disk_usage(store.root).free
-    if missing and needed > free:
+    needed = needed_bytes(material, config, before, [step for step, record in plan if record is None])
+    free = shutil.disk_usage(store.root).free
+    if needed > free:
         raise StoreError(
-            f"scene {scene!r} may need {_size(needed)} on the disk of {store.root}, where {_size(free)} are free",
+            f"scene {scene!r} may need {size_words(needed)} on the disk of {store.root}, where {size_words(free)} are free",
             "free space with aug3d gc, choose another disk with --home DIR, or use a smaller preset",
         )
+
+
+def needed_bytes(
+    material: Material, config: SceneConfig, before: Mapping[str, Record], missing: Sequence[Step]
+) -> int:
+    """Return what a run may write in the steps that are missing; 0 if none is, or the photographs cannot be read.
+
+    The stage that cannot read them reports it.
+    """
+    if not missing:
+        return 0
+    last = [before.get(step.name) or before.get(step.stage.name) for step in missing]
+    known = [record.size_bytes for record in last if record]
+    try:
+        written = 2 * sum(known) if len(known) == len(last) else first_run_bytes(material, config)
+    except InputError:
+        return 0
+    return written + _SPARE_BYTES
 
 
 def first_run_bytes(material: Material, config: SceneConfig) -> int:
@@ -69,5 +81,6 @@ def _town_photos(config: SceneConfig) -> int:
     return len(plan_flight(config.town, np.random.default_rng(0)))
 
 
-def _size(size_bytes: int) -> str:
+def size_words(size_bytes: int) -> str:
+    """Return a size as people read it."""
     return f"{size_bytes / 2**30:.1f} GiB" if size_bytes >= 2**30 else f"{size_bytes / _MIB:.0f} MiB"

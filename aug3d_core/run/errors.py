@@ -20,9 +20,12 @@ class Aug3dError(Exception):
     """
 
     def __init__(self, problem: str, remedy: str) -> None:
-        super().__init__(f"{problem}\n  -> {remedy}")
+        super().__init__(problem, remedy)
         self.problem = problem
         self.remedy = remedy
+
+    def __str__(self) -> str:
+        return f"{self.problem}\n  -> {self.remedy}"
 
 
 class UsageError(Aug3dError):

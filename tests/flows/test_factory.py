@@ -112,6 +112,18 @@ def test_a_dry_run_and_show_know_the_folds(few: Stages, folder: Path, tmp_path: 
     assert "training_fold1" in shown.output
 
 
+def test_a_full_disk_names_what_the_rest_of_the_run_may_need(few: Stages, folder: Path, tmp_path: Path) -> None:
+    few.fails = lambda stage, made: "disk: no space left" if stage == "surface" else ""
+    with pytest.raises(StageFailed, match="no space left") as caught:
+        run(tmp_path / "home", folder)
+    assert "what is left of this run may need " in caught.value.remedy and caught.value.remedy in str(caught.value)
+    assert caught.value.remedy.endswith("MiB")
+    few.fails = lambda stage, made: "refused: no surface" if stage == "surface" else ""
+    with pytest.raises(StageFailed) as caught:
+        run(tmp_path / "home", folder)
+    assert "may need" not in caught.value.remedy
+
+
 def test_a_fold_that_fails_ends_the_run_and_leaves_no_figure(few: Stages, folder: Path, tmp_path: Path) -> None:
     few.fails = lambda stage, made: "refused: no surface" if (stage, fold_of(made)) == ("surface", 1) else ""
     with pytest.raises(StageFailed, match="no surface"):

@@ -43,3 +43,12 @@ def test_the_file_and_what_is_free_are_named(capsys) -> None:
 def test_another_error_is_not_called_a_full_disk() -> None:
     with pytest.raises(ValueError, match="no such thing"), typed_errors(as_json=True):
         raise ValueError("no such thing")
+
+
+def test_what_a_server_adds_about_http_is_left_out(capsys) -> None:
+    server = RuntimeError("Server error '500 Internal Server Error'\nFor more information check: https://example.org")
+    server.__cause__ = FULL
+    with pytest.raises(typer.Exit), typed_errors(as_json=True):
+        raise server
+    problem = json.loads(capsys.readouterr().out)["failure"]["problem"]
+    assert problem.endswith("500 Internal Server Error'")
