@@ -30,6 +30,7 @@ _LONGEST_FIRST = (
 _TOGETHER = {
     "tests/journeys/test_study.py": "tests/journeys/test_demo.py",
     "tests/attack/test_kills.py": "tests/journeys/test_demo.py",
+    "tests/attack/test_kills_of_up.py": "tests/journeys/test_demo.py",
     "tests/journeys/test_bad_input.py": "tests/journeys/test_daily_use.py",
     "tests/journeys/test_import.py": "tests/journeys/test_daily_use.py",
 }
