@@ -35,7 +35,7 @@ _SHAPE = (
     ("`stages.<stage>.digest`", "SHA-256 of the output's files"),
     ("`stages.<stage>.metrics`", "the figures of the stage, below"),
     ("`stages.<stage>.why`", "what changed since the version before"),
-    ("`nvs`", "view synthesis over all folds: PSNR [dB] and SSIM of the test, interval, groups, cheap answers"),
+    ("`nvs`", "view synthesis over all folds: PSNR [dB] and SSIM of the test, interval, groups, cheap answers; `over_ci`: paired interval of the lead over each [dB]"),
     ("`nvs.conventions`, `nvs.test_photos`", "digests: figures are comparable only if both are equal"),
     ("`needs`", "a row for each decision: step, field, value, measured, rule, saves, costs"),
     ("`objects.<stage>`", "stage and key of the object in the store"),

@@ -80,4 +80,5 @@ def _view_synthesis(metrics: Mapping[str, Any]) -> dict[str, Any]:
         "conventions": metrics.get("conventions"),  # results are compared only where these are the same
         "groups": {name: metrics[f"group_{name}"] for name in _GROUPS},
         "cheap": {name: metrics[f"cheap_{name}"] for name in CHEAP},
+        "over_ci": {name: [metrics[f"over_{name}_ci_low"], metrics[f"over_{name}_ci_high"]] for name in CHEAP},
     }

@@ -27,6 +27,7 @@ EVALUATION = {
     "test_ssim_mean": 0.61,
     "group_best": 24.0, "group_low": 17.2, "group_average": 21.3, "cheap_mean_colour": 16.6, "cheap_nearest_copy": 15.0,
     "cheap_ground_homography": 22.7, "cheap_plane_sweep": 22.1, "cheap_mesh_render": None, "cheap_guided_blend": None,
+    **{f"over_{name}_ci_{end}": db for name in CHEAP for end, db in (("low", -2.0), ("high", 0.5))},
 }  # fmt: skip
 
 
@@ -91,7 +92,8 @@ def test_the_page_is_whole_and_needs_no_network(tmp_path, failure):
 def test_it_tells_what_the_run_found(tmp_path):
     page = report(tmp_path)
     assert "scene &amp; co" in page
-    assert "<b>1.30 dB below</b> the best cheap answer, ground homography" in page
+    assert "<b>1.30 dB below</b> the best cheap answer, ground homography (95 % interval" in page
+    assert "-2.00 to +0.50 dB, paired over photographs: not decided)" in page
     assert "few points" in page
     assert "From &lt;above&gt;" in page
     assert page.count("data:image/png;base64,") == 1
@@ -139,6 +141,7 @@ def test_folds_are_told_apart_and_the_figures_are_over_all(tmp_path):
     assert nvs["test_views"] == 2 and nvs["test_psnr_mean"] == 20.5 and nvs["fold_psnr_means"] == [24.0, 17.0]
     assert nvs["groups"] == {"best": 24.0, "low": 17.0, "average": 20.5}
     assert nvs["cheap"] == dict.fromkeys(CHEAP, 18.5)
+    assert nvs["over_ci"] == dict.fromkeys(CHEAP, [2.0, 2.0])
     assert nvs["test_psnr_ci"] == [17.0, 24.0]
     assert flat_metrics(metrics)["nvs.test_psnr_mean"] == 20.5
     write_report(made, metrics, tmp_path / "report.html")

@@ -82,7 +82,7 @@ def _beside_cheap(nvs: Mapping[str, Any]) -> str:
     folds = nvs.get("fold_psnr_means", [])
     words = [
         tag("div", f"{model:.2f} <small>dB PSNR</small>", class_="big"),
-        tag("p", _verdict(model, low, high, cheap)),
+        tag("p", _verdict(model, cheap, nvs["over_ci"])),
         tag(
             "p",
             f"{_tested(nvs['test_views'], low, high)},"
@@ -98,10 +98,12 @@ def _beside_cheap(nvs: Mapping[str, Any]) -> str:
     return tag("div", tag("div", "".join(words)) + chart, class_="card hero")
 
 
-def _verdict(model: float, low: float, high: float, cheap: Sequence[tuple[float, str]]) -> str:
+def _verdict(model: float, cheap: Sequence[tuple[float, str]], over_ci: Mapping[str, Sequence[float]]) -> str:
     if not cheap:
         return "There is no cheap answer to compare with."
     best, name = cheap[0]
     side = "above" if model >= best else "below"
-    doubt = "; the interval of the model contains both" if low <= best <= high else ""
-    return f"{tag('b', f'{abs(model - best):.2f} dB {side}')} the best cheap answer, {spaced(name)}{doubt}."
+    low, high = over_ci[name]
+    doubt = ": not decided" if low <= 0 <= high else ""
+    paired = f"95 % interval of the difference {low:+.2f} to {high:+.2f} dB, paired over photographs{doubt}"
+    return f"{tag('b', f'{abs(model - best):.2f} dB {side}')} the best cheap answer, {spaced(name)} ({paired})."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Literal
@@ -113,14 +113,16 @@ def _test(run: ReportedRun) -> Iterator[Verdict]:
         yield Verdict("leak audit", light, ", ".join(dict.fromkeys(found)), "good if every check passes")
     nvs = run.metrics.get("nvs")
     if nvs and any(value is not None for value in nvs["cheap"].values()):
-        yield _against_cheap(nvs["test_psnr_mean"], {k: v for k, v in nvs["cheap"].items() if v is not None})
+        cheap = {name: value for name, value in nvs["cheap"].items() if value is not None}
+        yield _against_cheap(nvs["test_psnr_mean"], cheap, nvs["over_ci"])
 
 
-def _against_cheap(model: float, cheap: dict[str, float]) -> Verdict:
+def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[str, Sequence[float]]) -> Verdict:
     """Compare the model with the cheap answers. Those of the mesh were made from more than the model's inputs."""
     best = max(cheap, key=lambda name: cheap[name])
     from_inputs = max((value for name, value in cheap.items() if name not in FROM_MESH), default=-float("inf"))
-    light: Light = "good" if model >= cheap[best] else "check" if model >= from_inputs else "bad"
+    low, high = over_ci[best]
+    light: Light = "good" if low > 0 else "check" if model >= from_inputs else "bad"
     what = f"model against the best cheap answer ({called(best)})"
-    bounds = "good above all of them, bad below those made from the same inputs"
-    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB", bounds)
+    bounds = "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
+    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB ({low:+.2f} to {high:+.2f})", bounds)
