@@ -42,9 +42,7 @@ def check_room(
         )
 
 
-def needed_bytes(
-    material: Material, config: SceneConfig, before: Mapping[str, Record], missing: Sequence[Step]
-) -> int:
+def needed_bytes(material: Material, config: SceneConfig, before: Mapping[str, Record], missing: Sequence[Step]) -> int:
     """Return what a run may write in the steps that are missing; 0 if none is, or the photographs cannot be read.
 
     The stage that cannot read them reports it.

@@ -124,5 +124,7 @@ def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[st
     low, high = over_ci[best]
     light: Light = "good" if low > 0 else "check" if model >= from_inputs else "bad"
     what = f"model against the best cheap answer ({called(best)})"
-    bounds = "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
+    bounds = (
+        "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
+    )
     return Verdict(what, light, f"{model - cheap[best]:+.2f} dB ({low:+.2f} to {high:+.2f})", bounds)

@@ -22,7 +22,7 @@ def test_the_light_follows_the_bounds_that_are_written_beside_it(tmp_path, share
     ("model", "low", "light"), [(25.0, 0.2, "good"), (25.0, -0.2, "check"), (20.0, -5.0, "check"), (14.0, -11.0, "bad")]
 )
 def test_the_model_is_judged_by_its_paired_lead_over_the_cheap_answers(model, low, light):
-    nvs = {"test_psnr_mean": model, "cheap": CHEAP, "over_ci": dict.fromkeys(CHEAP, [low, model - 23])}
+    nvs = {"test_psnr_mean": model, "cheap": CHEAP, "over_ci": {key: [low, model - 23] for key in CHEAP}}
     (judged,) = verdicts(run_of([], nvs=nvs))
     assert judged.light == light and "mesh render" in judged.what
     assert judged.figure == f"{model - 24:+.2f} dB ({low:+.2f} to {model - 23:+.2f})"
