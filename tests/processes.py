@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from threadpoolctl import threadpool_limits
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 from xdist.workermanage import WorkerController
@@ -149,6 +150,7 @@ class OneCore:
         number = int(config.workerinput["workerid"].removeprefix("gw"))  # type: ignore[attr-defined]
         self._own = {cores[(number + number // len(_KINDS)) % len(cores)]}  # those of one kind are on different cores
         os.sched_setaffinity(0, self._own)  # libraries count the cores when they are imported
+        threadpool_limits(1)  # NumPy was imported by a plugin, before: its two threads would spin on one core
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
