@@ -29,7 +29,7 @@ from flows.collections import collections
 from flows.compare import compare_runs
 from flows.gc import gc
 from flows.hand_on import export_groups
-from flows.plan import checked_plan, following
+from flows.plan import checked_plan, following, nothing_to_do
 from flows.predict import predict
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
@@ -185,8 +185,12 @@ def _run(
         # A run that does not fit is refused before a server starts.
         plan = checked_plan(store, scene, material, config, records_before(store, scene))
         console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True)
-        with following(plan), prefect_server(store.root) as ready:
-            metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)
+        if metrics := nothing_to_do(store, scene, preset, plan):
+            version = Path(metrics["paths"]["metrics"]).parent.name
+            console.print(f"nothing changed: this is the version of {version}", highlight=False)
+        else:
+            with following(plan), prefect_server(store.root) as ready:
+                metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)
     if as_json:
         print(json.dumps(metrics, indent=1))
     else:

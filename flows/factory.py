@@ -133,6 +133,7 @@ def _conclude(
     share_version(store, version)
     metrics["mlflow"] = asdict(log_run(store.root, version))
     artifacts.publish_links(metrics)
+    (version / layout.TOLD).touch()
     return metrics
 
 

@@ -1,4 +1,4 @@
-"""The plan of a run: what is in the store already, and whether the rest fits on the disk.
+"""The plan of a run: what is in the store already, whether that is all, and whether the rest fits on the disk.
 
 The command line makes it before Prefect is started. The flow then finds it here and does not make it again.
 """
@@ -8,13 +8,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
 
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.disk_estimate import check_room
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, planned
+from aug3d_core.store import layout
+from aug3d_core.store.code_version import code_version
 from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import records_of, report_fault, version_metrics, version_paths, versions
 from aug3d_core.store.store import Store
+from tasks.mlflow_outbox import waiting
 
 _plan: ContextVar[Sequence[Visit] | None] = ContextVar("plan", default=None)
 
@@ -28,6 +34,35 @@ def checked_plan(
     plan = tuple(planned(store, material, config))
     check_room(store, scene, material, config, before, [(visit.step, visit.record) for visit in plan])
     return plan
+
+
+def made_of_the_same(store: Store, scene: str, plan: Sequence[Visit]) -> Path | None:
+    """Return a scene's newest version if it is made of what the plan finds, and nothing is missing."""
+    newest = versions(store, scene)[-1:]
+    if not newest or any(visit.record is None for visit in plan):
+        return None
+    records = records_of(store, version_metrics(newest[0]))
+    made = {step: record.key for step, record in records.items()}
+    return newest[0] if made == {visit.step.name: visit.record.key for visit in plan if visit.record} else None
+
+
+def nothing_to_do(store: Store, scene: str, preset: str, plan: Sequence[Visit]) -> dict[str, Any] | None:
+    """Return the `metrics.json` of a scene's newest version if a run would make the same again; None otherwise.
+
+    It was made by the same code, its report and every file of its objects are as they were written, and the run that made it
+    was not killed before MLflow and other machines knew.
+    """
+    version = made_of_the_same(store, scene, plan)
+    if version is None or not (version / layout.TOLD).exists() or waiting(store):
+        return None
+    metrics = version_metrics(version)
+    if (metrics["preset"], metrics["git"]) != (preset, code_version()) or report_fault(version):
+        return None
+    records = {visit.step.name: visit.record for visit in plan if visit.record}
+    if not all(store.whole(record.stage, record.key) for record in records.values()):
+        return None
+    stages = {name: {**figures, "cached": True} for name, figures in metrics["stages"].items()}
+    return {**metrics, "stages": stages, "paths": version_paths(store, version, records)}
 
 
 @contextmanager

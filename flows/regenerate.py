@@ -18,9 +18,10 @@ from aug3d_core.run.errors import Aug3dError, UsageError, shown
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
 from aug3d_core.store.published import held_back, publish, published
-from aug3d_core.store.scenes import records_before, records_of, version_metrics, versions
+from aug3d_core.store.scenes import records_before, records_of, version_metrics
 from aug3d_core.store.store import Store
 from flows.factory import beside_published, make_version
+from flows.plan import made_of_the_same
 from flows.settings import OURS, home
 from tasks import artifacts
 from tasks.progress import listening
@@ -48,14 +49,13 @@ def regenerate(
     """
     store = Store(home())
     with run_lock(store.root), store.using():
-        entry, newest = read_scene(store, scene), versions(store, scene)[-1:]
+        entry = read_scene(store, scene)
         plan = list(planned(store, entry.material(), settings))
-        wanted = {visit.step.name: visit.record.key if visit.record else "" for visit in plan}  # "": not made yet
-        if newest and _made_of(store, newest[0]) == wanted:
-            metrics = version_metrics(newest[0])
+        if newest := made_of_the_same(store, scene, plan):
+            metrics = version_metrics(newest)
             artifacts.publish_changes(scene, None)
-            if published(store, scene) == newest[0]:
-                return Completed(name=UNCHANGED, message=f"nothing changed since {newest[0].name}, which is published")
+            if published(store, scene) == newest:
+                return Completed(name=UNCHANGED, message=f"nothing changed since {newest.name}, which is published")
         else:
             metrics = _make(store, scene, entry, settings, plan)
             artifacts.publish_changes(scene, metrics)
@@ -93,10 +93,6 @@ def _regenerated(scene: str, entry: SceneEntry | Aug3dError) -> State:
         return regenerate(scene, entry.config(), return_state=True)
     except Aug3dError as error:  # its own file is wrong
         return Failed(message=f"{error.problem} -> {error.remedy}")
-
-
-def _made_of(store: Store, version: Path) -> dict[str, str]:
-    return {step: record.key for step, record in records_of(store, version_metrics(version)).items()}
 
 
 def _make(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, plan: Sequence[Visit]) -> dict[str, Any]:

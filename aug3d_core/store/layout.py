@@ -42,4 +42,5 @@ DAMAGED = ".damaged-"  # begins the name of what was put aside because its bytes
 # charts
 REPORT = "report.html"
 METRICS = "metrics.json"
+TOLD = "told"  # beside a version's figures: whoever is to know of it does
 PUBLISHED = "published.json"

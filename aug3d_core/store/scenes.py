@@ -96,6 +96,16 @@ def metrics_fault(version: Path) -> str:
     return ""
 
 
+def report_fault(version: Path) -> str:
+    """Return what is wrong with the report of a version, "" if it is whole or older than digests."""
+    for name, digest in unsealed((version / layout.METRICS).read_bytes()).get(DIGESTS, {}).items():
+        if not (version / name).is_file():
+            return f"{name} is missing"
+        if sha256_of(version / name) != digest:
+            return f"{name} holds other bytes than were written"
+    return ""
+
+
 def version_metrics(version: Path) -> dict[str, Any]:
     """Return the `metrics.json` of a version; raises StoreError if it is not what was written."""
     file = version / layout.METRICS

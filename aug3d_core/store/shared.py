@@ -117,6 +117,7 @@ class Shared:
             file = part.joinpath(*name.split("/")[3:])
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(self.bucket.get(name) or b"")
+        (part / layout.TOLD).touch()
         try:
             part.rename(target)
         except OSError:  # another process has brought it meanwhile

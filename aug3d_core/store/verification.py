@@ -10,9 +10,9 @@ from pathlib import Path
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import JOB
 from aug3d_core.store import layout
-from aug3d_core.store.damage import Fault, listed, sha256_of
+from aug3d_core.store.damage import Fault, listed
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import DIGESTS, metrics_fault
+from aug3d_core.store.scenes import metrics_fault, report_fault
 from aug3d_core.store.seal import unsealed
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Object, studies, versions
@@ -70,7 +70,7 @@ def _of_object(store: Store, item: Object, on_bytes: OnBytes) -> list[Fault]:
 def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
     for top, pattern in ((layout.SCENES, layout.METRICS), (layout.COLLECTIONS, layout.METRICS)):
         for file in sorted((store.root / top).glob(f"{scene or '*'}/*/{pattern}")):
-            if what := metrics_fault(file.parent) or _report_fault(file):
+            if what := metrics_fault(file.parent) or report_fault(file.parent):
                 yield Damage(file.parent, what)
         for pointer in sorted((store.root / top).glob(f"{scene or '*'}/{layout.PUBLISHED}")):
             try:
@@ -82,17 +82,6 @@ def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
             unsealed(file.read_bytes())
         except ValueError as error:
             yield Damage(file.parent, f"{file.name} is damaged ({error})")
-
-
-def _report_fault(metrics: Path) -> str:
-    """Return what is wrong with the report beside a version's figures, "" if it is whole or older than digests."""
-    for name, digest in unsealed(metrics.read_bytes()).get(DIGESTS, {}).items():
-        file = metrics.parent / name
-        if not file.is_file():
-            return f"{name} is missing"
-        if sha256_of(file) != digest:
-            return f"{name} holds other bytes than were written"
-    return ""
 
 
 def _holders(store: Store) -> list[tuple[str, frozenset[Object], Path]]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from aug3d_core.store import layout
 from tests.attack.town_process import ORDER, TownRun, damaged, digests, leftovers, made
 from tests.photos.photo_files import write_photo
 from tests.tests_support import fill
@@ -95,6 +96,8 @@ def test_a_disk_that_fills_up_at_any_stage_is_named_and_nothing_is_lost(
         wrong += [f"{stage}: {name} is lost" for name in known if not made(home, name)]
     for last in ("past_stages", "past_report"):
         for after_s in FROM_THE_END_S:
+            for told in (home / layout.SCENES).glob(f"*/*/{layout.TOLD}"):
+                told.unlink()  # else there is nothing to do, and nothing is written
             run = TownRun(home, tmp_path / "logs")
             run.wait_for(getattr(run, last), HANG_S)
             attack(f"{after_s} s {last}", run, after_s)

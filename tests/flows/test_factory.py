@@ -112,6 +112,42 @@ def test_a_dry_run_and_show_know_the_folds(few: Stages, folder: Path, tmp_path: 
     assert "training_fold1" in shown.output
 
 
+def test_a_run_that_would_make_the_same_again_says_so_and_starts_no_server(
+    few: Stages, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home, words = tmp_path / "home", ["run", "little", "--photos", str(folder), "--json"]
+    first = json.loads(CliRunner().invoke(app, [*words, "--home", str(home)]).stdout)
+    assert not any(figures["cached"] for figures in first["stages"].values())
+    folders = home / "scenes" / "little"
+
+    def again(*more: str) -> dict[str, Any] | None:
+        """Return what a run tells that needs no server; None if it starts one."""
+        started: list[Path] = []
+        with monkeypatch.context() as patch:
+            patch.setattr("flows.cli.prefect_server", lambda home: started.append(home))  # which is no context
+            told = CliRunner().invoke(app, [*words, "--home", str(home), *more])
+        return None if started else json.loads(told.stdout)
+
+    told = again()
+    assert told and all(figures["cached"] for figures in told["stages"].values())
+    assert told["nvs"] == first["nvs"] and told["paths"] == first["paths"] and len([*folders.iterdir()]) == 1
+    assert again("--set", "evaluation.seed=5") is None and again("--preset", "small") is None
+
+    version = Path(first["paths"]["metrics"]).parent
+    (version / layout.TOLD).rename(version / "else")  # as if it had been killed before MLflow knew
+    assert again() is None
+    (version / "else").rename(version / layout.TOLD)
+    with monkeypatch.context() as patch:
+        patch.setattr("flows.plan.code_version", lambda: "another")
+        assert again() is None
+    assert again()
+    for damaged in (Path(first["paths"]["objects"]["surface"]) / MADE, version / layout.REPORT):
+        whole = damaged.read_bytes()
+        damaged.write_bytes(whole[::-1])
+        assert again() is None
+        damaged.write_bytes(whole)
+
+
 def test_a_full_disk_names_what_the_rest_of_the_run_may_need(few: Stages, folder: Path, tmp_path: Path) -> None:
     few.fails = lambda stage, made: "disk: no space left" if stage == "surface" else ""
     with pytest.raises(StageFailed, match="no space left") as caught:
