@@ -16,7 +16,7 @@ from rich.table import Table
 from aug3d_core.factory.config import AUTO
 from aug3d_core.factory.plan import stage_of
 from aug3d_core.heads.config import title_of
-from aug3d_core.judging.names import called
+from aug3d_core.judging.names import called, interval_words
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
@@ -84,13 +84,12 @@ def _needs_table(decided: list[dict[str, Any]]) -> Table:
 
 
 def _view_synthesis_table(nvs: dict[str, Any]) -> Table:
-    low, high = nvs["test_psnr_ci"]
     table = Table("answer", title=f"held-out photographs: {nvs['test_views']} views")
     table.add_column("PSNR dB", justify="right")
     table.add_column("SSIM", justify="right")
     table.add_row(
         title_of(nvs.get("head")),
-        f"{nvs['test_psnr_mean']:.2f}  [{low:.2f}, {high:.2f}]",
+        f"{nvs['test_psnr_mean']:.2f}{interval_words(nvs['test_psnr_ci'])}",
         f"{nvs['test_ssim_mean']:.3f}",
     )
     for name, psnr in nvs["cheap"].items():

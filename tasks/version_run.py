@@ -13,7 +13,7 @@ from mlflow.utils.mlflow_tags import MLFLOW_DATASET_CONTEXT, MLFLOW_PARENT_RUN_I
 
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.factory.plan import stage_of
-from aug3d_core.judging.names import called
+from aug3d_core.judging.names import called, interval_words
 from aug3d_core.metrics.flat import flat_params, headline, needs_params, numbers, settings_of, step_values
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
@@ -141,9 +141,8 @@ def _description(metrics: Mapping[str, Any]) -> str:
     """Say in a few lines what came of the run."""
     lines = [f"**{metrics['scene']}**, preset {metrics['preset']}: {metrics['state']}"]
     if nvs := metrics.get("nvs"):
-        low, high = nvs["test_psnr_ci"]
         lines.append(
-            f"PSNR **{nvs['test_psnr_mean']:.2f} dB** [{low:.2f}, {high:.2f}], SSIM {nvs['test_ssim_mean']:.3f},"
+            f"PSNR **{nvs['test_psnr_mean']:.2f} dB**{interval_words(nvs['test_psnr_ci'])}, SSIM {nvs['test_ssim_mean']:.3f},"
             f" on {nvs['test_views']} held-out photographs"
         )
         cheap = (f"{called(name)} {value:.2f}" for name, value in nvs["cheap"].items() if value is not None)

@@ -94,9 +94,9 @@ def _scores(views: pd.DataFrame, name: str, goals: Mapping[str, float]) -> dict[
         f"{name}_scaffold_psnr": Figure(_mean(views, "psnr"), "dB"),
     }
     for answer, goal in goals.items():
-        mean, low, _ = lead(views, alone, f"{answer}_psnr", EvaluationConfig())
+        mean, ends = lead(views, alone, f"{answer}_psnr")
         found[f"{name}_over_{answer}"] = at_least(goal, mean, "dB")
-        found[f"{name}_over_{answer}_low"] = at_least(0.0, low, "dB")
+        found[f"{name}_over_{answer}_low"] = at_least(0.0, ends[0] if ends else None, "dB")
     return found
 
 
@@ -121,11 +121,11 @@ def _tuned(
         found[f"{name}_{how}_minutes"] = Figure(trial.cpu_seconds(["training"]) / 60, "min")
     for what, column in (("inputs_alone", _alone(scores["tuned"])), ("scaffold", "psnr")):
         both = scores["tuned"].assign(other=scores["alone"][column])
-        mean, low, high = lead(both, column, "other", EvaluationConfig())
+        mean, ends = lead(both, column, "other")
         found[f"{name}_tuned_over_alone_{what}"] = at_least(0.0, mean, "dB")
         found |= {
             f"{name}_tuned_over_alone_{what}_{end}": Figure(value, "dB")
-            for end, value in (("low", low), ("high", high))
+            for end, value in zip(("low", "high"), ends or (None, None), strict=True)
         }
     return found
 

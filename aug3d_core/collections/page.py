@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.collections.made import TOWN, MadeCollection
+from aug3d_core.judging.names import ends_of, interval_words
 from aug3d_core.report.html import duration, number, page, picture, table, tag
 from aug3d_core.store.store import Store
 
@@ -56,13 +57,13 @@ def _scores(tests: Mapping[str, Mapping[str, Any]]) -> str:
                 _ROLES[told["role"]],
                 number(told["test_views"]),
                 f"{told['test_psnr_mean']:.2f}",
-                f"{told['test_psnr_ci_low']:.2f} to {told['test_psnr_ci_high']:.2f}",
+                interval_words(ends_of(told, "test_psnr")),
                 f"{told['test_ssim_mean']:.3f}",
                 f"{told['test_flip_mean']:.3f}",
                 f"{alone:.2f}",
                 *(
-                    f"{told['test_psnr_mean'] - told[f'cheap_{cheap}']:+.2f} "
-                    f"[{told[f'over_{cheap}_ci_low']:.2f}, {told[f'over_{cheap}_ci_high']:.2f}]"
+                    f"{told['test_psnr_mean'] - told[f'cheap_{cheap}']:+.2f}"
+                    f"{interval_words(ends_of(told, f'over_{cheap}'))}"
                     for cheap, _ in _CHEAP
                 ),
             ]

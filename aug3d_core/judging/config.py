@@ -11,16 +11,12 @@ class EvaluationConfig(StageConfig):
     """How the trained model is judged."""
 
     input_views: int = Field(default=3, ge=1, le=16, description="Support views that every answer is given [views].")
-    resamples: int = Field(
-        default=2000, ge=100, le=100_000, description="Bootstrap resamples of the test groups [resamples]."
-    )
     panels: int = Field(
         default=6, ge=0, le=1000, description="Test views drawn as panels, evenly from best to worst [views]."
     )
     flythrough_frames: int = Field(
         default=24, ge=0, le=1000, description="Frames of a short flight rendered by the model (0: none) [frames]."
     )
-    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the bootstrap.")
 
 
 PRESETS: dict[str, EvaluationConfig] = {

@@ -58,7 +58,7 @@ def _flat_synthesis(nvs: Mapping[str, Any] | None) -> dict[str, Metric]:
         return {}
     flat = {"test_psnr_mean": nvs["test_psnr_mean"]}  # first: MLflow's pages begin with the first metric
     flat |= {name: value for name, value in nvs.items() if not isinstance(value, list | dict)}
-    flat["test_psnr_ci_low"], flat["test_psnr_ci_high"] = nvs["test_psnr_ci"]
+    flat["test_psnr_ci_low"], flat["test_psnr_ci_high"] = nvs["test_psnr_ci"] or (None, None)
     flat |= {f"group_{name}": value for name, value in nvs["groups"].items()}
     flat |= {f"cheap_{name}": value for name, value in nvs["cheap"].items()}
     best = max((value for value in nvs["cheap"].values() if value is not None), default=None)

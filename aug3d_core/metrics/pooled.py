@@ -9,7 +9,6 @@ from typing import Any
 
 import pandas as pd
 
-from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.judging.summary import summary
 from aug3d_core.store.record import Record
@@ -22,7 +21,7 @@ def pooled(evaluations: Sequence[tuple[Record, Path]]) -> dict[str, Any]:
         return first.metrics
     views = test_views([folder for _, folder in evaluations])
     photographs = [record.metrics.get("test_photos") for record, _ in evaluations]
-    return summary(views, EvaluationConfig(**first.config)) | {
+    return summary(views) | {
         "head": first.metrics.get("head"),
         "conventions": first.metrics.get("conventions"),
         "test_photos": _digest(photographs) if all(photographs) else None,

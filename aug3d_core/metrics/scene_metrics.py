@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.factory.plan import Step, fold_count
+from aug3d_core.judging.names import ends_of
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.metrics.pooled import pooled
 from aug3d_core.run.errors import Aug3dError
@@ -76,9 +77,9 @@ def _view_synthesis(metrics: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "head": metrics.get("head"),
         **plain,
-        "test_psnr_ci": [metrics["test_psnr_ci_low"], metrics["test_psnr_ci_high"]],
+        "test_psnr_ci": ends_of(metrics, "test_psnr"),
         "conventions": metrics.get("conventions"),  # results are compared only where these are the same
         "groups": {name: metrics[f"group_{name}"] for name in _GROUPS},
         "cheap": {name: metrics[f"cheap_{name}"] for name in CHEAP},
-        "over_ci": {name: [metrics[f"over_{name}_ci_low"], metrics[f"over_{name}_ci_high"]] for name in CHEAP},
+        "over_ci": {name: ends_of(metrics, f"over_{name}") for name in CHEAP},
     }

@@ -27,7 +27,7 @@ from aug3d_core.judging import panels, video
 from aug3d_core.judging.cheap_answers import ground_homography
 from aug3d_core.judging.inputs import chosen_inputs
 from aug3d_core.judging.scores import psnr
-from aug3d_core.judging.summary import bootstrap
+from aug3d_core.judging.summary import interval
 from aug3d_core.judging.warped_answers import plane_sweep
 from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
@@ -38,7 +38,6 @@ from aug3d_core.run.stage import Outcome, Progress
 
 CHEAP = {"homography": ground_homography, "plane sweep": plane_sweep}  # answers from the same inputs, without learning
 FRAMES_PER_SECOND = 8
-_RESAMPLES = 2000
 _ACROSS = (0.1, 0.9)  # quantiles of the cameras along their longest line, between which the flight goes
 _NEAR = 24  # photographs that look nearest to a view: of these its inputs are chosen
 
@@ -102,7 +101,7 @@ def foreseen(scores: Float[np.ndarray, "t 3"]) -> dict[str, float]:
     """
     model, *cheap = scores.mean(axis=0)
     lead = scores[:, 0] - scores[:, 1 + int(np.argmax(cheap))]
-    low, _ = bootstrap(lead, _RESAMPLES, np.random.default_rng(0))
+    low, _ = interval(lead) or (min(0.0, float(lead[0])), 0.0)  # one photograph says nothing surely
     figures = {
         "preview_psnr": model,
         "cheap_homography": cheap[0],

@@ -17,7 +17,7 @@ from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import InputError
 from tests.engines.toy_training import CONFIG, HEAD, silent
 
-JUDGE = EvaluationConfig(resamples=100, panels=2)
+JUDGE = EvaluationConfig(panels=2)
 
 
 def test_evaluation_scores_every_test_view_beside_the_cheap_answers(scene, dataset, trained, tmp_path):

@@ -23,7 +23,7 @@ from aug3d_core.judging.scores import check_test_groups, ssim
 from aug3d_core.run.errors import InputError
 from tests.engines.toy_training import HEAD
 
-JUDGE = EvaluationConfig(resamples=100, panels=0, flythrough_frames=5)
+JUDGE = EvaluationConfig(panels=0, flythrough_frames=5)
 
 
 @pytest.fixture(scope="module")

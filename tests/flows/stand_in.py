@@ -12,7 +12,6 @@ import pytest
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
-from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.summary import summary
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.stage import Stage
@@ -57,5 +56,5 @@ class Stages(StandIn):
         if stage.name == "evaluation":
             table = write_test(files, dict.fromkeys(range(2), self.psnr_db + fold))
             rules = {"test_photos": f"{self.photographs}{fold}", "conventions": "c"}
-            return dict(summary(table, EvaluationConfig())) | rules
+            return dict(summary(table)) | rules
         return {}

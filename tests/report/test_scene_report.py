@@ -5,6 +5,7 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
@@ -14,7 +15,7 @@ from aug3d_core.factory.plan import Step
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.files import CONVENTIONS, TEST_VIEWS
-from aug3d_core.judging.summary import CHEAP, summary
+from aug3d_core.judging.summary import CHEAP, interval, summary
 from aug3d_core.metrics.flat import flat_metrics
 from aug3d_core.metrics.scene_metrics import scene_metrics
 from aug3d_core.report.scene_report import write_report
@@ -124,7 +125,7 @@ def folded(folder: Path, tested: int = 2) -> list:
         row = {"group": 0, "photo_id": fold, "psnr": psnr, "ssim": 0.5, "flip": 0.2, "coarse_psnr": 16.0}
         answers = {f"{name}_{score}": psnr - 2 for name in CHEAP for score in ("psnr", "ssim", "flip")}
         pd.DataFrame([row | answers]).to_parquet(files / TEST_VIEWS)
-        figures = summary(pd.DataFrame([row | answers]), EvaluationConfig())
+        figures = summary(pd.DataFrame([row | answers]))
         config = EvaluationConfig().model_dump()
         Image.new("RGB", (9, 9)).save(files / "panel.png")
         pictures = {f"Panel of fold {fold}": "panel.png"}
@@ -141,8 +142,8 @@ def test_folds_are_told_apart_and_the_figures_are_over_all(tmp_path):
     assert nvs["test_views"] == 2 and nvs["test_psnr_mean"] == 20.5 and nvs["fold_psnr_means"] == [24.0, 17.0]
     assert nvs["groups"] == {"best": 24.0, "low": 17.0, "average": 20.5}
     assert nvs["cheap"] == dict.fromkeys(CHEAP, 18.5)
-    assert nvs["over_ci"] == {key: [2.0, 2.0] for key in CHEAP}
-    assert nvs["test_psnr_ci"] == [17.0, 24.0]
+    assert nvs["over_ci"] == {key: (2.0, 2.0) for key in CHEAP}
+    assert nvs["test_psnr_ci"] == pytest.approx(interval(np.array([24.0, 17.0])), abs=1e-3)
     assert flat_metrics(metrics)["nvs.test_psnr_mean"] == 20.5
     write_report(made, metrics, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -51,6 +51,7 @@ def version(
     store = Store(home)
     figures = {f"test_psnr_{name}": psnr for name in ("mean", "ci_low", "ci_high")} | {"test_ssim_mean": 0.5}
     figures |= {f"group_{name}": psnr for name in ("best", "low", "average")} | {f"cheap_{name}": 9.0 for name in CHEAP}
+    figures |= {f"over_{name}_ci_{end}": psnr - 9 for name in CHEAP for end in ("low", "high")}
     figures |= {"test_views": 2, "test_photos": photos, "conventions": rules}
     records = {
         "dataset": made(store, "dataset", "d", {"image_px": 64}, views=4),

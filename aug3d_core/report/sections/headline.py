@@ -65,18 +65,17 @@ def beside_cheap(run: ReportedRun) -> str:
     return _beside_cheap(nvs) if nvs else ""
 
 
-def _tested(views: int, low: float, high: float) -> str:
-    """Return the number of test photographs and the interval; one photograph has no interval."""
-    if views == 1:
-        return "1 held-out photograph: no interval"
-    return f"{views} held-out photographs, 95 % interval {low:.2f} to {high:.2f} dB"
+def _tested(views: int, ends: Sequence[float] | None) -> str:
+    """Return the number of test photographs and the interval; one photograph has none."""
+    photographs = f"{views} held-out photograph{'s' if views > 1 else ''}"
+    return f"{photographs}, 95 % interval {ends[0]:.2f} to {ends[1]:.2f} dB" if ends else f"{photographs}: no interval"
 
 
 def _beside_cheap(nvs: Mapping[str, Any]) -> str:
-    low, high = nvs["test_psnr_ci"]
+    ends = nvs["test_psnr_ci"]
     model = nvs["test_psnr_mean"]
     cheap = sorted(((v, k) for k, v in nvs["cheap"].items() if v is not None), reverse=True)
-    rows = [Bar(title_of(nvs.get("head")), model, f"{model:.2f} dB", (low, high), main=True)]
+    rows = [Bar(title_of(nvs.get("head")), model, f"{model:.2f} dB", ends, main=True)]
     rows += [Bar(called(name), value, f"{value:.2f} dB") for value, name in cheap]
     rows += [Bar(called(name), None, "no answer") for name, value in nvs["cheap"].items() if value is None]
     folds = nvs.get("fold_psnr_means", [])
@@ -85,7 +84,7 @@ def _beside_cheap(nvs: Mapping[str, Any]) -> str:
         tag("p", _verdict(model, cheap, nvs["over_ci"])),
         tag(
             "p",
-            f"{_tested(nvs['test_views'], low, high)},"
+            f"{_tested(nvs['test_views'], ends)},"
             f" SSIM {nvs['test_ssim_mean']:.3f}. Groups: best {nvs['groups']['best']:.2f}, lowest"
             f" {nvs['groups']['low']:.2f}, average {nvs['groups']['average']:.2f} dB.",
             class_="dim",
@@ -98,12 +97,14 @@ def _beside_cheap(nvs: Mapping[str, Any]) -> str:
     return tag("div", tag("div", "".join(words)) + chart, class_="card hero")
 
 
-def _verdict(model: float, cheap: Sequence[tuple[float, str]], over_ci: Mapping[str, Sequence[float]]) -> str:
+def _verdict(model: float, cheap: Sequence[tuple[float, str]], over_ci: Mapping[str, Sequence[float] | None]) -> str:
     if not cheap:
         return "There is no cheap answer to compare with."
     best, name = cheap[0]
     side = "above" if model >= best else "below"
-    low, high = over_ci[name]
-    doubt = ": not decided" if low <= 0 <= high else ""
-    paired = f"95 % interval of the difference {low:+.2f} to {high:+.2f} dB, paired over photographs{doubt}"
+    if ends := over_ci[name]:
+        doubt = ": not decided" if ends[0] <= 0 <= ends[1] else ""
+        paired = f"95 % interval of the difference {ends[0]:+.2f} to {ends[1]:+.2f} dB, paired over photographs{doubt}"
+    else:
+        paired = "one photograph: not decided"
     return f"{tag('b', f'{abs(model - best):.2f} dB {side}')} the best cheap answer, {spaced(name)} ({paired})."

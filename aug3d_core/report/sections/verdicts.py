@@ -117,14 +117,15 @@ def _test(run: ReportedRun) -> Iterator[Verdict]:
         yield _against_cheap(nvs["test_psnr_mean"], cheap, nvs["over_ci"])
 
 
-def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[str, Sequence[float]]) -> Verdict:
+def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[str, Sequence[float] | None]) -> Verdict:
     """Compare the model with the cheap answers. Those of the mesh were made from more than the model's inputs."""
     best = max(cheap, key=lambda name: cheap[name])
     from_inputs = max((value for name, value in cheap.items() if name not in FROM_MESH), default=-float("inf"))
-    low, high = over_ci[best]
-    light: Light = "good" if low > 0 else "check" if model >= from_inputs else "bad"
+    ends = over_ci[best]
+    light: Light = "good" if ends and ends[0] > 0 else "check" if model >= from_inputs else "bad"
     what = f"model against the best cheap answer ({called(best)})"
     bounds = (
         "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
     )
-    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB ({low:+.2f} to {high:+.2f})", bounds)
+    interval = f" ({ends[0]:+.2f} to {ends[1]:+.2f})" if ends else ""
+    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB{interval}", bounds)
