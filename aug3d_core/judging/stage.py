@@ -64,7 +64,7 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
             "test_photos": held_out_digest(scene),
         },
         # Worse than one colour: whatever the training did well, what is rendered is wrong
-        state="degraded" if float(table["psnr"].mean()) <= float(table["mean_colour_psnr"].mean()) else "ok",
+        state="degraded" if np.mean(table["psnr"]) <= np.mean(table["mean_colour_psnr"]) else "ok",
         notes=tuple(_not_beaten(name, figures) for name in unbeaten),
         pictures=pictures,
     )
