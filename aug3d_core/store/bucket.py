@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import obstore
@@ -29,13 +29,24 @@ from obstore.store import S3Store
 
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store.layout import SHARED_VARIABLE as VARIABLE
+from aug3d_core.store.traffic import Tally
 
 PATIENCE_S = 600.0  # that a service may be away
 _PAUSE_S = 2.0
 _AWAY_AFTER = timedelta(seconds=20)  # of one request
 _REGION = "us-east-1"  # what services beside Amazon's expect
+_PART = 5 * 2**20  # of a large file
+_PAGE = 1000  # names in an answer to a list, or in a delete
 _T = TypeVar("_T")
 _log = logging.getLogger(__name__)
+
+
+class Entry(NamedTuple):
+    """Something in a bucket. modified_s: when it was put, by the clock of the service, in seconds since 1970."""
+
+    name: str
+    size_bytes: int
+    modified_s: float
 
 
 class Bucket:
@@ -50,6 +61,7 @@ class Bucket:
                 f"set {VARIABLE}=s3://BUCKET/PREFIX, AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and, for a service that is "
                 "not Amazon's, AWS_ENDPOINT_URL",
             )
+        self.tally = Tally()
         self.url = f"s3://{parts.netloc}/{parts.path.strip('/')}".rstrip("/")
         endpoint = os.environ.get("AWS_ENDPOINT_URL", "")
         region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or _REGION
@@ -64,9 +76,11 @@ class Bucket:
     def get(self, name: str) -> bytes | None:
         """Return what a name holds, None if nothing has it."""
         try:
-            return self._ask(lambda: obstore.get(self._service, name).bytes().to_bytes())
+            content = self._ask("get", lambda: obstore.get(self._service, name).bytes().to_bytes())
         except FileNotFoundError:
             return None
+        self.tally.add("get", 0, down=len(content))
+        return content
 
     def download(self, name: str, file: Path) -> str:
         """Write what a name holds to a file and return its SHA-256; raises FileNotFoundError if nothing has the name."""
@@ -76,46 +90,57 @@ class Bucket:
             with file.open("wb") as opened:
                 for piece in obstore.get(self._service, name).stream():
                     digest.update(piece)
-                    opened.write(piece)
+                    self.tally.add("get", 0, down=opened.write(piece))
             return digest.hexdigest()
 
-        return self._ask(download)
+        return self._ask("get", download)
 
     def has(self, name: str) -> bool:
         """Say whether a name is there."""
         try:
-            self._ask(lambda: obstore.head(self._service, name))
+            self._ask("head", lambda: obstore.head(self._service, name))
         except FileNotFoundError:
             return False
         return True
 
     def put(self, name: str, content: bytes | Path) -> None:
         """Put bytes, or a file, under a name."""
-        self._ask(lambda: obstore.put(self._service, name, content))
+        size = content.stat().st_size if isinstance(content, Path) else len(content)
+        self._ask("put", lambda: obstore.put(self._service, name, content, chunk_size=_PART))
+        parts = -(-size // _PART)
+        self.tally.add("put", parts + 1 if parts > 1 else 0, up=size)  # a large one: begun, its parts, ended
 
     def create(self, name: str, content: bytes) -> bool:
         """Put bytes under a name that nothing has yet; return whether these are there now, because of this call or of one
         before it whose answer was lost."""
         try:
-            self._ask(lambda: obstore.put(self._service, name, content, mode="create"))
+            self._ask("put", lambda: obstore.put(self._service, name, content, mode="create"))
         except AlreadyExistsError:
             return self.get(name) == content
+        self.tally.add("put", 0, up=len(content))
         return True
 
     def delete(self, names: list[str]) -> None:
         """Delete names, those too that are gone."""
         if names:
-            self._ask(lambda: obstore.delete(self._service, names))
+            self._ask("delete", lambda: obstore.delete(self._service, names))
+            self.tally.add("delete", (len(names) - 1) // _PAGE)
 
     def names(self, prefix: str) -> list[str]:
         """Return all names below a prefix, sorted."""
-        found = self._ask(lambda: [each["path"] for part in obstore.list(self._service, prefix) for each in part])
-        return sorted(found)
+        return [each.name for each in self.entries(prefix)]
 
-    def _ask(self, request: Callable[[], _T]) -> _T:
+    def entries(self, prefix: str) -> list[Entry]:
+        """Return all that is below a prefix, sorted by name."""
+        found = self._ask("list", lambda: [each for part in obstore.list(self._service, prefix) for each in part])
+        self.tally.add("list", max(len(found) - 1, 0) // _PAGE)
+        return sorted(Entry(each["path"], each["size"], each["last_modified"].timestamp()) for each in found)
+
+    def _ask(self, kind: str, request: Callable[[], _T]) -> _T:
         """Do a request; while the service is away, again. Raises StoreError that names the store and what it said."""
         since = None
         while True:
+            self.tally.add(kind)
             try:
                 return request()
             except FileNotFoundError as error:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
+from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import FILES, JOB, LOG
 from aug3d_core.store import layout
@@ -98,29 +98,45 @@ class Shared:
         self.bucket.put(f"{pointer.parent.parent.name}/{pointer.parent.name}/{pointer.name}", pointer)
 
     def bring_versions(self, top: Path, scene: str | None = None) -> None:
-        """Download the versions of a scene, or of all, that this machine lacks, and what is published."""
-        found: dict[tuple[str, str], list[str]] = {}
+        """Bring the versions of a scene, or of all, that this machine lacks, and what is published.
+
+        A version is here by its `metrics.json`; its report comes when it is asked for.
+        """
+        found: list[Path] = []
         for name in self.bucket.names(f"{top.name}/{scene}/" if scene else f"{top.name}/"):
             parts = name.split("/")
+            if any(part in ("", ".", "..") for part in parts):
+                continue
             if len(parts) == 3 and parts[2] == layout.PUBLISHED:
                 self._bring_pointer(name, top / parts[1] / parts[2])
-            elif len(parts) > 3 and all(part not in ("", ".", "..") for part in parts):
-                found.setdefault((parts[1], parts[2]), []).append(name)
-        for (of, version), names in found.items():
-            if f"{top.name}/{of}/{version}/{layout.METRICS}" in names and not (top / of / version).exists():
-                self._bring_version(top / of / version, names)
+            elif len(parts) == 4 and parts[3] == layout.METRICS and not (top / parts[1] / parts[2]).exists():
+                found.append(top / parts[1] / parts[2])
+        with ThreadPoolExecutor(_TOGETHER) as pool:
+            list(pool.map(self._bring_version, found))
 
-    def _bring_version(self, target: Path, names: Iterable[str]) -> None:
+    def bring_report(self, version: Path) -> None:
+        """Download the report of a version that this machine lacks, if there is one."""
+        report = version / layout.REPORT
+        if not report.exists() and (content := self.bucket.get(self._of(report))) is not None:
+            write_synced(report, content)
+
+    def _bring_version(self, target: Path) -> None:
+        content = self.bucket.get(self._of(target / layout.METRICS))
+        if content is None:  # it was deleted meanwhile
+            return
         part = target.with_name(f"{layout.GONE}{target.name}-{os.getpid()}")
         shutil.rmtree(part, ignore_errors=True)
-        for name in names:
-            file = part.joinpath(*name.split("/")[3:])
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(self.bucket.get(name) or b"")
+        part.mkdir(parents=True)
+        (part / layout.METRICS).write_bytes(content)
         try:
             part.rename(target)
         except OSError:  # another process has brought it meanwhile
             shutil.rmtree(part, ignore_errors=True)
+
+    @staticmethod
+    def _of(file: Path) -> str:
+        """Return the name of a file of a version in the bucket."""
+        return "/".join(file.parts[-4:])
 
     def _bring_pointer(self, name: str, target: Path) -> None:
         content = self.bucket.get(name)

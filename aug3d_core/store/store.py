@@ -29,6 +29,7 @@ from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, 
 from aug3d_core.store.private_home import make_private
 from aug3d_core.store.record import FileEntry, Record, files_digest, read_record
 from aug3d_core.store.seal import sealed
+from aug3d_core.store.traffic import Traffic
 
 
 class Store:
@@ -41,6 +42,7 @@ class Store:
         """
         self.root = root.resolve()
         self.shared = _shared()
+        self._asked: set[tuple[str, str | None]] = set()  # of whose versions the shared store was asked
         if "?" in str(self.root):
             raise StoreError(
                 f"the store {self.root} has a '?' in its path, which the addresses of MLflow's database cannot hold",
@@ -59,6 +61,20 @@ class Store:
                 f"the store {self.root} cannot be opened: {error.strerror}",
                 "choose a folder that you can write with --home DIR or AUG3D_HOME",
             ) from error
+
+    def traffic(self) -> Traffic:
+        """Return what this process has asked of the shared store so far; nothing where there is none."""
+        return self.shared.bucket.tally.traffic() if self.shared is not None else Traffic()
+
+    def bring_versions(self, top: str, scene: str | None = None, *, again: bool = False) -> None:
+        """Bring the versions of a scene (None: of all) here that other machines have made, and what is published.
+
+        The shared store is asked once, or `again`. top: the folder of the scenes, or of the collections.
+        """
+        if self.shared is None or (not again and {(top, scene), (top, None)} & self._asked):
+            return
+        self.shared.bring_versions(self.root / top, scene)
+        self._asked.add((top, scene))
 
     def unwritable(self) -> Path | None:
         """Return the first folder of the store that cannot be written, None if all can."""
@@ -87,6 +103,10 @@ class Store:
         """
         self.check(record, reads)
         return self.place(record)
+
+    def file(self, record: Record, name: str) -> Path:
+        """Return one file of an object to whoever reads it; raises DamagedError if it is not what was written."""
+        return self.files_dir(record, [name]) / name
 
     def place(self, record: Record) -> Path:
         """Return the folder of an object's files to be told or linked, not to be read."""
