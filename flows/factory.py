@@ -31,6 +31,7 @@ from aug3d_core.store.scenes import (
     records_before,
     records_of,
     share_version,
+    step_objects,
     version_paths,
     write_metrics,
 )
@@ -132,7 +133,7 @@ def _conclude(
         metrics["shared_store"] = store.traffic().since(since).told()  # but for the version itself, which is put last
     write_report(files, metrics, version / layout.REPORT, beside_published(store, metrics, records))
     write_metrics(version, metrics)
-    share_version(store, version)
+    share_version(store, version, step_objects(metrics).values())
     metrics["mlflow"] = asdict(log_run(store.root, version))
     artifacts.publish_links(metrics)
     return metrics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +43,13 @@ def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
     write_synced(version / layout.METRICS, sealed(told))
 
 
-def share_version(store: Store, version: Path) -> None:
-    """Give a complete version to the machines that share the store."""
+def share_version(store: Store, version: Path, objects: Iterable[tuple[str, str]]) -> None:
+    """Give a complete version to the machines that share the store, once that has all that the version names.
+
+    Raises DamagedError where it has not, and this machine cannot give it.
+    """
     if store.shared is not None:
+        store.share_again(objects)
         store.shared.share_version(version)
 
 

@@ -13,7 +13,8 @@ import fcntl
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -27,9 +28,11 @@ from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, sha256_of, unreadable
 from aug3d_core.store.private_home import make_private
-from aug3d_core.store.record import FileEntry, Record, files_digest, read_record
+from aug3d_core.store.record import FileEntry, Record, files_digest, read_record, record_of
 from aug3d_core.store.seal import sealed
 from aug3d_core.store.traffic import Traffic
+
+_TOGETHER = 8  # requests at once
 
 
 class Store:
@@ -232,7 +235,9 @@ class Store:
         record = self.record(stage, key)
         if not isinstance(record, Record) or self.faults(record):
             return None
-        return record if self.shared is None or self.shared.is_shared(self.object_dir(stage, key)) else None
+        if self.shared is None or (self.shared.is_shared(self.object_dir(stage, key)) and self.shared.keep(stage, key)):
+            return record
+        return None
 
     def put_aside(self, record: Record, seen: Fault) -> Path | None:
         """Move a damaged object out of sight and return where it lies; None if somebody else did, or the disk forbids it."""
@@ -248,6 +253,8 @@ class Store:
         """
         found = self.record(stage, key)
         record, wrong = (found, self.faults(found)) if isinstance(found, Record) else (None, [found])
+        if record and not wrong and self._went(stage, key):
+            wrong = self.faults(record)  # all files should be here, to be shared again
         if record and not wrong:
             return self._agreed(record), ""
         if not self.object_dir(stage, key).exists():
@@ -268,6 +275,43 @@ class Store:
             return Fault(layout.RECORD, f"is damaged ({error})")
         except OSError as error:
             raise unreadable(folder, error) from error
+
+    def _went(self, stage: str, key: str) -> bool:
+        """Say whether the shared store had an object, and has it no more; it is not taken for shared then."""
+        folder = self.object_dir(stage, key)
+        if self.shared is None or not self.shared.is_shared(folder) or self.shared.keep(stage, key):
+            return False
+        self.shared.forget(folder)
+        return True
+
+    def share_again(self, items: Iterable[tuple[str, str]]) -> None:
+        """See that the shared store has objects, which are about to be named, as they are here.
+
+        One that went meanwhile is shared again; raises DamagedError where not all of it is here, or where another machine
+        has made it anew with other bytes.
+        """
+        if self.shared is not None:
+            with ThreadPoolExecutor(_TOGETHER) as pool:
+                list(pool.map(lambda item: self._share_again(*item), items))
+
+    def _share_again(self, stage: str, key: str) -> None:
+        assert self.shared is not None
+        folder = self.object_dir(stage, key)
+        try:
+            content = (folder / layout.RECORD).read_bytes()
+        except FileNotFoundError:  # whoever reads what is named sees that
+            return
+        if self.shared.keep(stage, key) and self.shared.holds(stage, key, content):
+            return
+        with self.lock(stage, key):
+            self.shared.forget(folder)
+            ours, wrong = self.take(stage, key)
+        if wrong or ours is None or ours.digest != record_of(content).digest:
+            raise DamagedError(
+                f"{stage} {key} is no more in the shared store as it was used here",
+                "run the scene again: it is made again",
+                None,
+            )
 
     def _aside(self, stage: str, key: str) -> Path:
         folder = self.object_dir(stage, key)
@@ -333,7 +377,23 @@ class Store:
             return
         if self.shared.is_shared(folder):
             missing = [name for name in names if not (folder / FILES / name).exists()]
-            self.shared.bring_files(folder / FILES, {name: record.files[name] for name in missing})
+            try:
+                self.shared.bring_files(folder / FILES, {name: record.files[name] for name in missing})
+            except StoreError:
+                if not self.shared.has_record(record.stage, record.key):
+                    raise self._dropped(record) from None
+                raise
+
+    def _dropped(self, record: Record) -> DamagedError:
+        """Put out of sight what is here of an object that the shared store has no more; return the error that tells."""
+        aside = None
+        with suppress(OSError, StoreError), self.lock(record.stage, record.key):
+            aside = self._aside(record.stage, record.key)
+        return DamagedError(
+            f"{record.stage} {record.key} was dropped from the shared store",
+            "run the scene again: it is made again",
+            aside,
+        )
 
     def _here(self, record: Record) -> dict[str, FileEntry]:
         """Return the files of an object that should be in this folder: all, or those brought of another machine's."""

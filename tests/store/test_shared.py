@@ -143,7 +143,7 @@ def test_versions_and_what_is_published_are_seen_by_all(tmp_path: Path, shared: 
     (version / layout.REPORT).write_text("<p>a report")
     write_metrics(version, {"scene": "hill", "state": "ok"})
     assert scenes(other) == [], "it counts from the moment that it is shared"
-    share_version(maker, version)
+    share_version(maker, version, [])
     publish(maker, "hill", version)
     assert scenes(other) == [], "a command, and a run, looks once"
     other = Store(tmp_path / "other")
@@ -318,7 +318,7 @@ def a_version(store: Store, scene: str, **told: object) -> Path:
     version = new_version(store, scene)
     (version / layout.REPORT).write_text("<p>a report")
     write_metrics(version, {"scene": scene, "state": "ok", **told})
-    share_version(store, version)
+    share_version(store, version, [])
     return version
 
 
@@ -345,7 +345,7 @@ def test_what_was_asked_is_counted_to_the_byte(tmp_path: Path, shared: str) -> N
     log = (maker.object_dir("photos", "k1") / LOG).stat().st_size
     put = maker.traffic().since(before)
     record = (maker.object_dir("photos", "k1") / layout.RECORD).stat().st_size
-    assert put.requests == {"head": len(made.files), "put": len(made.files) + 2}, "blobs, log, record"
+    assert put.requests == {"head": 1, "put": 3, "list": 1}, "blob, log, record; and a look at the marks"
     assert (put.bytes_up, put.bytes_down) == (size + log + record, 0)
     before = other.traffic()
     assert other.find("photos", "k1") == made
