@@ -18,6 +18,7 @@ from typing import NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import obstore
+from obstore import Bytes
 from obstore.exceptions import (
     AlreadyExistsError,
     GenericError,
@@ -86,14 +87,22 @@ class Bucket:
         """Write what a name holds to a file and return its SHA-256; raises FileNotFoundError if nothing has the name."""
 
         def download() -> str:
-            digest = hashlib.sha256()
             with file.open("wb") as opened:
-                for piece in obstore.get(self._service, name).stream():
-                    digest.update(piece)
-                    self.tally.add("get", 0, down=opened.write(piece))
-            return digest.hexdigest()
+                return self._read(name, opened.write)
 
         return self._ask("get", download)
+
+    def digest(self, name: str, on_bytes: Callable[[int], None]) -> str:
+        """Read what a name holds and return its SHA-256; raises FileNotFoundError if nothing has the name."""
+        return self._ask("get", lambda: self._read(name, lambda piece: on_bytes(len(piece))))
+
+    def _read(self, name: str, use: Callable[[Bytes], object]) -> str:
+        digest = hashlib.sha256()
+        for piece in obstore.get(self._service, name).stream():
+            digest.update(piece)
+            self.tally.add("get", 0, down=len(piece))
+            use(piece)
+        return digest.hexdigest()
 
     def has(self, name: str) -> bool:
         """Say whether a name is there."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,7 +29,7 @@ class Census:
     """The content of a bucket at one moment. home: files of a machine that need not be downloaded."""
 
     bucket: Bucket
-    home: Path
+    home: Path | None
     entries: tuple[Entry, ...]
 
     @cached_property
@@ -59,7 +59,7 @@ class Census:
         """Every version and study of every machine, oldest first within a scene; raises StoreError if one cannot be read."""
         names = [e.name for top, file in COUNTS_BY.items() for e in self.below(top) if _last(e.name) == file]
         with ThreadPoolExecutor(_TOGETHER) as pool:
-            return [holder for holder in pool.map(self._holder, names) if holder]
+            return [holder for holder in pool.map(self.holder, names) if holder]
 
     @cached_property
     def versions(self) -> list[Holder]:
@@ -77,10 +77,14 @@ class Census:
                 "delete it: the next good version is then published",
             ) from error
 
-    def usage(self) -> dict[str, Usage]:
-        """Return what each scene with a version or a study takes; raises StoreError if one cannot be read."""
-        sizes = {item: self.size_of(item) for item in objects_of(self.holders)}
-        return usage_of(self.holders, sizes, lambda folder: sum(e.size_bytes for e in self.below(folder.as_posix())))
+    def usage(self, gone: Collection[Path] = ()) -> dict[str, Usage]:
+        """Return what each scene with a version or a study takes; raises StoreError if one cannot be read.
+
+        gone: folders of versions and studies that went meanwhile.
+        """
+        holders = [holder for holder in self.holders if holder.folder not in gone]
+        sizes = {item: self.size_of(item) for item in objects_of(holders)}
+        return usage_of(holders, sizes, lambda folder: sum(e.size_bytes for e in self.below(folder.as_posix())))
 
     def size_of(self, item: Object) -> int:
         """Return the bytes of an object, 0 if there is none."""
@@ -108,9 +112,10 @@ class Census:
     def _names(self) -> list[str]:
         return [entry.name for entry in self.entries]
 
-    def _holder(self, name: str) -> Holder | None:
-        here = self.home / name
-        content = here.read_bytes() if here.exists() else self.bucket.get(name)
+    def holder(self, name: str) -> Holder | None:
+        """Return the version or the study of a name, None if it went meanwhile; raises StoreError if it cannot be read."""
+        here = self.home / name if self.home else None
+        content = here.read_bytes() if here and here.exists() else self.bucket.get(name)
         if content is None:
             return None
         try:
@@ -123,8 +128,8 @@ class Census:
         return Holder(folder.parts[1], folder, objects, whole)
 
 
-def census(bucket: Bucket, home: Path) -> Census:
-    """List a bucket."""
+def census(bucket: Bucket, home: Path | None) -> Census:
+    """List a bucket. home: where versions may lie that then need not be read from it."""
     return Census(bucket, home, tuple(bucket.entries("")))
 
 

@@ -313,6 +313,13 @@ class Store:
                 None,
             )
 
+    def let_go(self, stage: str, key: str) -> None:
+        """Learn that the shared store has an object no more: if all of it is here it is shared again, else put aside."""
+        if self.shared is not None and self.object_dir(stage, key).exists():
+            with self.lock(stage, key):
+                self.shared.forget(self.object_dir(stage, key))
+                self.take(stage, key)
+
     def _aside(self, stage: str, key: str) -> Path:
         folder = self.object_dir(stage, key)
         aside = folder.with_name(f"{layout.DAMAGED}{key}-{time.time_ns()}")

@@ -9,7 +9,7 @@ machine began to use it that very moment; the bytes go a look later.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,12 +34,14 @@ class Loose:
     names: tuple[str, ...]
     size_bytes: int
     item: Object | None = None
+    folder: Path | None = None  # of a version or a study
 
 
 @dataclass(frozen=True)
 class Sweep:
     """What goes now; and what nobody needs either, but goes at a later look if nobody begins to use it: `mark` names both."""
 
+    found: Census
     goes: tuple[Loose, ...]
     waits: tuple[Loose, ...] = ()
     mark: Mark = field(default_factory=Mark)
@@ -74,10 +76,10 @@ def look(found: Census, keep: int, hours: float, scene: str | None = None) -> Sw
     now = [each for each in loose if _called(each) in ripe]
     versions = [_holder(found, holder) for holder in going]
     goes = (*versions, *now, *_rest(found, settled, busy))
-    return Sweep(goes, tuple(each for each in loose if _called(each) not in ripe), mark)
+    return Sweep(found, goes, tuple(each for each in loose if _called(each) not in ripe), mark)
 
 
-def sweep(bucket: Bucket, home: Path, keep: int, hours: float, scene: str | None = None) -> Sweep:
+def sweep(bucket: Bucket, home: Path | None, keep: int, hours: float, scene: str | None = None) -> Sweep:
     """Delete what may go now, and mark the rest; returns what was done. Raises StoreError as `look` does."""
     bucket.put(layout.CLOCK, b"")  # what the service got just now tells its time
     found = census(bucket, home)
@@ -90,7 +92,7 @@ def sweep(bucket: Bucket, home: Path, keep: int, hours: float, scene: str | None
         for name in loose.names:  # in order: first that by which a version counts
             bucket.delete([name])
     gone = [*others, *_drop_objects(bucket, objects), *_drop_blobs(found, blobs)]
-    return Sweep(tuple(gone), seen.waits, seen.mark)
+    return Sweep(found, tuple(gone), seen.waits, seen.mark)
 
 
 def _drop_objects(bucket: Bucket, objects: Sequence[Loose]) -> Iterator[Loose]:
@@ -150,7 +152,7 @@ def _holder(found: Census, holder: Holder) -> Loose:
     if shown == holder.folder:  # only where all of a scene goes
         names.append(f"{layout.SCENES}/{holder.scene}/{layout.PUBLISHED}")
     size = sum(entry.size_bytes for entry in entries)
-    return Loose(holder.scene, STUDY if of == layout.STUDIES else VERSION, tuple(names), size)
+    return Loose(holder.scene, STUDY if of == layout.STUDIES else VERSION, tuple(names), size, folder=holder.folder)
 
 
 def _object(found: Census, item: Object, entries: Sequence[Entry]) -> Loose:
@@ -206,8 +208,3 @@ def _item(entry: Entry, below: str = layout.USED) -> Object:
 
 def _last(name: str) -> str:
     return name.rpartition("/")[2]
-
-
-def total(loose: Iterable[Loose]) -> int:
-    """Return the bytes of all."""
-    return sum(each.size_bytes for each in loose)

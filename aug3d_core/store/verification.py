@@ -70,7 +70,7 @@ def _of_object(store: Store, item: Object, on_bytes: OnBytes) -> list[Fault]:
 def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
     for top, pattern in ((layout.SCENES, layout.METRICS), (layout.COLLECTIONS, layout.METRICS)):
         for file in sorted((store.root / top).glob(f"{scene or '*'}/*/{pattern}")):
-            if what := metrics_fault(file.parent) or _report_fault(file):
+            if what := metrics_fault(file.parent) or _report_fault(store, file):
                 yield Damage(file.parent, what)
         for pointer in sorted((store.root / top).glob(f"{scene or '*'}/{layout.PUBLISHED}")):
             try:
@@ -84,10 +84,12 @@ def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
             yield Damage(file.parent, f"{file.name} is damaged ({error})")
 
 
-def _report_fault(metrics: Path) -> str:
-    """Return what is wrong with the report beside a version's figures, "" if it is whole or older than digests."""
+def _report_fault(store: Store, metrics: Path) -> str:
+    """Return what is wrong with the report beside a version's figures, "" if it is whole, older than digests, or elsewhere."""
     for name, digest in unsealed(metrics.read_bytes()).get(DIGESTS, {}).items():
         file = metrics.parent / name
+        if not file.is_file() and store.shared is not None:  # it comes when it is asked for
+            continue
         if not file.is_file():
             return f"{name} is missing"
         if sha256_of(file) != digest:
