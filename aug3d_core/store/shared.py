@@ -13,6 +13,7 @@ import shutil
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -118,6 +119,15 @@ class Shared:
         """Say whether this machine knows that the store has an object."""
         file = folder / _IS_SHARED
         return file.exists() and self.bucket.url in file.read_text().splitlines()
+
+    def use(self, folder: Path) -> None:
+        """Note that an object is used now: what was not used for longest is first to go from this machine."""
+        with suppress(OSError):  # it is being dropped, or the home can only be read
+            os.utime(folder / _IS_SHARED)
+
+    def used_ns(self, folder: Path) -> int:
+        """Return when an object that the store has was used last, by the clock of this machine."""
+        return (folder / _IS_SHARED).stat().st_mtime_ns
 
     def share_version(self, version: Path) -> None:
         """Put a version where all machines see it; from then on it counts for them."""

@@ -24,6 +24,7 @@ from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import ERROR, FILES, JOB, LOG
 from aug3d_core.run.full_disk import disk_failure, disk_full
+from aug3d_core.run.limits import cache_bytes_from
 from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, sha256_of, unreadable
@@ -55,6 +56,7 @@ class Store:
             make_private(self.root)
             for folder in self._folders():
                 folder.mkdir(parents=True, exist_ok=True)
+            self._most_cached_bytes = cache_bytes_from(os.environ, shutil.disk_usage(self.root).total)
         except OSError as error:
             if disk_full(error):
                 raise disk_failure(self.root, str(error)) from error
@@ -121,6 +123,8 @@ class Store:
         What another machine made is brought here first.
         """
         self._bring(record, reads or list(record.files))
+        if self.shared is not None:
+            self.shared.use(self.object_dir(record.stage, record.key))
         found = self.faults(record, reads)
         if not found:
             return
@@ -187,6 +191,16 @@ class Store:
         with file.open("rb" if self.unwritable() else "ab") as held:
             fcntl.flock(held, fcntl.LOCK_SH)
             yield
+        self._trim()
+
+    def _trim(self) -> None:
+        """Keep within the bound what is here of the shared store, unless someone is using it."""
+        if self.shared is None or self.unwritable():
+            return
+        from aug3d_core.store.cache import trim
+
+        with suppress(StoreError), self.alone():
+            trim(self.root, self.shared, self._most_cached_bytes)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -327,14 +341,14 @@ class Store:
         return aside
 
     def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
-        """Return the files' folders of the whole objects that a recipe made, newest first."""
+        """Return the files' folders of the whole objects that a recipe made, newest first: of those that are all here."""
         found = []
         for path in (self.root / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"):
             with suppress(OSError, ValueError):
                 if (record := read_record(path)).recipe == recipe:
                     found.append((path.stat().st_mtime_ns, record))
         newest = [record for _, record in sorted(found, key=lambda each: each[0], reverse=True)[:most]]
-        return [self.place(record) for record in newest if not self.faults(record)]
+        return [self.place(record) for record in newest if not faults(self.place(record), record.files)]
 
     def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
         """Turn a work folder into an object: digest the files, write the record last, sync, rename."""
