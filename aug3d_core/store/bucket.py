@@ -168,21 +168,27 @@ class Bucket:
                     f"there is no bucket of the store {self.url}",
                     "make the bucket, or see AWS_ENDPOINT_URL and AUG3D_STORE",
                 ) from error
-            except (PermissionDeniedError, UnauthenticatedError) as error:
-                raise StoreError(
-                    f"the store {self.url} does not let us in: {_reason(error)}",
-                    "see AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, and that they may read and write this bucket",
-                ) from error
-            except (GenericError, NotSupportedError) as error:
+            except (PermissionDeniedError, UnauthenticatedError, GenericError, NotSupportedError) as error:
+                if _refused(error):
+                    raise StoreError(
+                        f"the store {self.url} does not let us in: {_reason(error)}",
+                        "see AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, and that they may read and write this bucket",
+                    ) from None  # what the service answers may hold the key
                 since = since or time.monotonic()
                 if not _away(error) or time.monotonic() - since > PATIENCE_S:
                     raise StoreError(
                         f"the store {self.url} cannot be used: {_reason(error)}",
                         "see AWS_ENDPOINT_URL and that the service runs, then run again: what is finished is kept",
-                    ) from error
+                    ) from None
                 if since > time.monotonic() - _PAUSE_S:
                     _log.warning("the store %s does not answer; waiting for it up to %.0f s", self.url, PATIENCE_S)
                 time.sleep(_PAUSE_S)
+
+
+def _refused(error: Exception) -> bool:
+    """Say whether a service knows us not, or does not let us do this; of lists, the library says no more than the status."""
+    denied = isinstance(error, PermissionDeniedError | UnauthenticatedError)
+    return denied or re.search(r"status code: (401|403)", str(error)) is not None
 
 
 def _away(error: Exception) -> bool:
@@ -191,5 +197,5 @@ def _away(error: Exception) -> bool:
 
 
 def _reason(error: Exception) -> str:
-    """Return the first line of what the library says; it names addresses, and no keys."""
-    return str(error).strip().partition("\n")[0]
+    """Return what the library says, without what the service answers: it may repeat the key's name."""
+    return str(error).strip().partition("\n")[0].partition("<")[0].rstrip(": ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -26,11 +27,17 @@ def free_port() -> int:
 
 
 @contextmanager
-def s3_service(port: int | None = None) -> Iterator[str]:
-    """Run the service; yield its address. What it holds is gone with it."""
+def s3_service(port: int | None = None, free_actions: int | None = None) -> Iterator[str]:
+    """Run the service; yield its address. What it holds is gone with it.
+
+    free_actions: how many requests, that which makes the bucket first, need no rights; then it asks for them as IAM does.
+    """
     port = port or free_port()
     command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+    limited = {} if free_actions is None else {"INITIAL_NO_AUTH_ACTION_COUNT": str(free_actions)}
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **limited}
+    ) as server:
         try:
             _wait(port)
             address = f"http://127.0.0.1:{port}"
