@@ -11,10 +11,10 @@ import logging
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import timedelta
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import obstore
@@ -43,11 +43,25 @@ _log = logging.getLogger(__name__)
 
 
 class Entry(NamedTuple):
-    """Something in a bucket. modified_s: when it was put, by the clock of the service, in seconds since 1970."""
+    """Something in a bucket.
+
+    modified_s: when it was put, by the clock of the service, in seconds since 1970. md5: of its bytes, something else where
+    the service tells none.
+    """
 
     name: str
     size_bytes: int
     modified_s: float
+    md5: str
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Entry:
+        """Return what a service tells of a name."""
+        return cls(told["path"], told["size"], told["last_modified"].timestamp(), (told["e_tag"] or "").strip('"'))
+
+    def surely_holds(self, content: bytes) -> bool:
+        """Say whether it is known to hold these bytes without reading it."""
+        return self.md5 == hashlib.md5(content, usedforsecurity=False).hexdigest()
 
 
 class Bucket:
@@ -88,7 +102,7 @@ class Bucket:
 
         def download() -> str:
             with file.open("wb") as opened:
-                return self._read(name, opened.write)
+                return self._read(name, lambda piece: opened.write(piece))
 
         return self._ask("get", download)
 
@@ -118,8 +132,7 @@ class Bucket:
             found = self._ask("head", lambda: obstore.head(self._service, name))
         except FileNotFoundError:
             return False
-        told = (found["e_tag"] or "").strip('"')
-        return told == hashlib.md5(content, usedforsecurity=False).hexdigest() or self.get(name) == content
+        return Entry.of(found).surely_holds(content) or self.get(name) == content
 
     def put(self, name: str, content: bytes | Path) -> None:
         """Put bytes, or a file, under a name."""
@@ -152,7 +165,7 @@ class Bucket:
         """Return all that is below a prefix, sorted by name."""
         found = self._ask("list", lambda: [each for part in obstore.list(self._service, prefix) for each in part])
         self.tally.add("list", max(len(found) - 1, 0) // _PAGE)
-        return sorted(Entry(each["path"], each["size"], each["last_modified"].timestamp()) for each in found)
+        return sorted(map(Entry.of, found))
 
     def _ask(self, kind: str, request: Callable[[], _T]) -> _T:
         """Do a request; while the service is away, again. Raises StoreError that names the store and what it said."""
@@ -161,14 +174,16 @@ class Bucket:
             self.tally.add(kind)
             try:
                 return request()
-            except FileNotFoundError as error:
-                if "NoSuchBucket" not in str(error):
+            except (
+                FileNotFoundError, PermissionDeniedError, UnauthenticatedError, GenericError, NotSupportedError,
+            ) as error:  # fmt: skip
+                if "NoSuchBucket" in str(error) or (kind == "list" and "status code: 404" in str(error)):
+                    raise StoreError(
+                        f"there is no bucket of the store {self.url}",
+                        "make the bucket, or see AWS_ENDPOINT_URL and AUG3D_STORE",
+                    ) from error
+                if isinstance(error, FileNotFoundError):
                     raise
-                raise StoreError(
-                    f"there is no bucket of the store {self.url}",
-                    "make the bucket, or see AWS_ENDPOINT_URL and AUG3D_STORE",
-                ) from error
-            except (PermissionDeniedError, UnauthenticatedError, GenericError, NotSupportedError) as error:
                 if _refused(error):
                     raise StoreError(
                         f"the store {self.url} does not let us in: {_reason(error)}",

@@ -21,7 +21,7 @@ from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import FILES, JOB, LOG
 from aug3d_core.store import layout
-from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.bucket import Bucket, Entry
 from aug3d_core.store.marks import Mark, newest_mark
 from aug3d_core.store.record import FileEntry, Record, read_record
 
@@ -155,12 +155,12 @@ class Shared:
         A version is here by its `metrics.json`; its report comes when it is asked for.
         """
         found: list[Path] = []
-        for name in self.bucket.names(f"{top.name}/{scene}/" if scene else f"{top.name}/"):
-            parts = name.split("/")
+        for entry in self.bucket.entries(f"{top.name}/{scene}/" if scene else f"{top.name}/"):
+            parts = entry.name.split("/")
             if any(part in ("", ".", "..") for part in parts):
                 continue
             if len(parts) == 3 and parts[2] == layout.PUBLISHED:
-                self._bring_pointer(name, top / parts[1] / parts[2])
+                self._bring_pointer(entry, top / parts[1] / parts[2])
             elif len(parts) == 4 and parts[3] == layout.METRICS and not (top / parts[1] / parts[2]).exists():
                 found.append(top / parts[1] / parts[2])
         with ThreadPoolExecutor(_TOGETHER) as pool:
@@ -190,9 +190,10 @@ class Shared:
         """Return the name of a file of a version in the bucket."""
         return "/".join(file.parts[-4:])
 
-    def _bring_pointer(self, name: str, target: Path) -> None:
-        content = self.bucket.get(name)
-        if content and not (target.exists() and target.read_bytes() == content):
+    def _bring_pointer(self, entry: Entry, target: Path) -> None:
+        if target.exists() and entry.surely_holds(target.read_bytes()):
+            return
+        if content := self.bucket.get(entry.name):
             target.parent.mkdir(parents=True, exist_ok=True)
             part = target.with_name(f".{target.name}.{os.getpid()}")
             part.write_bytes(content)

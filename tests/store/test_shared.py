@@ -299,8 +299,9 @@ def test_a_bucket_that_is_not_there_is_told_before_anything_is_made(
     tmp_path: Path, bucket: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AUG3D_STORE", "s3://no-such-bucket/x")
-    with pytest.raises(StoreError, match="there is no bucket of the store s3://no-such-bucket/x"):
-        Store(tmp_path).find("photos", "k1")
+    for ask in (lambda: Store(tmp_path).find("photos", "k1"), lambda: versions(Store(tmp_path), "hill")):
+        with pytest.raises(StoreError, match="there is no bucket of the store s3://no-such-bucket/x"):
+            ask()
 
 
 def test_work_that_never_got_a_record_is_not_seen(tmp_path: Path, shared: str) -> None:
@@ -325,16 +326,20 @@ def a_version(store: Store, scene: str, **told: object) -> Path:
 def test_one_look_at_the_versions_is_enough_for_a_command(tmp_path: Path, shared: str) -> None:
     maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
     for scene in ("hill", "vale", "hill"):
-        a_version(maker, scene)
+        publish(maker, scene, a_version(maker, scene))
     before = other.traffic()
     assert scenes(other) == ["hill", "vale"]
     assert [len(versions(other, scene)) for scene in ("hill", "vale", "hill")] == [2, 1, 2]
     asked = other.traffic().since(before)
-    assert asked.requests == {"list": 1, "get": 3}, "the figures of each version, and no report"
+    assert asked.requests == {"list": 1, "get": 3 + 2}, "the figures of each version, what is published, and no report"
     a_version(maker, "vale")
     assert len(versions(other, "vale")) == 1
     bring_versions(other, "vale")
     assert len(versions(other, "vale")) == 2
+    before = other.traffic()
+    bring_versions(other)
+    asked = other.traffic().since(before)
+    assert (asked.requests, asked.bytes_down) == ({"list": 1}, 0), "what is here already is not asked for"
 
 
 def test_what_was_asked_is_counted_to_the_byte(tmp_path: Path, shared: str) -> None:
