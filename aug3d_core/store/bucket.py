@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import obstore
-from obstore import Bytes
 from obstore.exceptions import (
     AlreadyExistsError,
     GenericError,
@@ -102,7 +101,7 @@ class Bucket:
 
         def download() -> str:
             with file.open("wb") as opened:
-                return self._read(name, lambda piece: opened.write(piece))
+                return self._read(name, opened.write)
 
         return self._ask("get", download)
 
@@ -110,7 +109,7 @@ class Bucket:
         """Read what a name holds and return its SHA-256; raises FileNotFoundError if nothing has the name."""
         return self._ask("get", lambda: self._read(name, lambda piece: on_bytes(len(piece))))
 
-    def _read(self, name: str, use: Callable[[Bytes], object]) -> str:
+    def _read(self, name: str, use: Callable[[bytes], object]) -> str:
         digest = hashlib.sha256()
         for piece in obstore.get(self._service, name).stream():
             digest.update(piece)
