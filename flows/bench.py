@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from rich.table import Table
 
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.store import layout
+from aug3d_core.store.layout import SHARED_VARIABLE
 from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
 from flows.refusal import typed_errors
@@ -161,6 +163,22 @@ def bench_generalisation(
         return Measurement(found, {"photos": [str(folder) for folder in photos]})
 
     _bench("generalisation", home, preset, set_, as_json, measure)
+
+
+@bench.command("machines")
+def bench_machines(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """A store that several machines share beside a local folder: time, requests and bytes (twice the demo's time).
+
+    At the service that AUG3D_STORE names; without it at moto's server, if that is installed.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import machines
+
+        where = os.environ.get(SHARED_VARIABLE, "").strip() or "moto's server"
+        return Measurement(machines.figures(store, scene, say), {"measured_at": where})
+
+    _bench("machines", home, preset, set_, as_json, measure)
 
 
 def _bench(

@@ -22,7 +22,7 @@ from aug3d_core.run.limits import limits_from
 from aug3d_core.run.short_process import collect_seldom
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
-from aug3d_core.store.scenes import last_version, object_of, records_before
+from aug3d_core.store.scenes import bring_report, last_version, object_of, paths_here, records_before, versions
 from aug3d_core.store.store import Store
 from flows.bench import bench
 from flows.collections import collections
@@ -113,6 +113,9 @@ def show(
         store = Store(home)
         tell_of_damage(store, scene)
         metrics = last_version(store, scene)
+        version = versions(store, scene)[-1]
+        bring_report(store, version)
+        metrics |= {"paths": paths_here(store, version, metrics)}
         if as_json:
             print(json.dumps(metrics, indent=1))
         else:
@@ -132,6 +135,7 @@ def export_scene(
     from aug3d_core.export.folder_formats import (  # with scipy and pandas, which other commands do without
         IMAGES,
         export,
+        read_of,
     )
 
     with typed_errors(as_json, home):
@@ -141,7 +145,8 @@ def export_scene(
             if form == DTU:
                 export_groups(store.files_dir(object_of(store, version, "dataset")), folder, as_json)
                 return
-            sfm, photos = (store.files_dir(object_of(store, version, step)) for step in ("sfm", "photos"))
+            records = (object_of(store, version, step) for step in ("sfm", "photos"))
+            sfm, photos = (store.files_dir(record, read_of(record)) for record in records)
             views = export(sfm, photos, form, folder)
         if as_json:
             print(json.dumps({"folder": str(folder), "format": form, "views": views}))

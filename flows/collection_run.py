@@ -71,7 +71,7 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
     version = new_version(store, name)
     page.write(store, metrics, made, version / layout.REPORT)
     write_metrics(version, metrics)
-    share_version(store, version)
+    share_version(store, version, named(made.records))
     against = held_back(metrics, version_metrics(last) if last else None, entry.publish.most_psnr_drop_db)
     if not against:
         publish(store, name, version)

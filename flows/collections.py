@@ -29,6 +29,7 @@ from aug3d_core.scene_files import Schedule, read_each
 from aug3d_core.scene_files.check import said
 from aug3d_core.store import layout
 from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.scenes import bring_report
 from aug3d_core.store.store import Store
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
@@ -139,6 +140,8 @@ def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
         entry = COLLECTIONS.read(store, name)
         found = versions(store, name)
         metrics = version_metrics(found[-1]) if found else None
+        if found:
+            bring_report(store, found[-1])
         if as_json:
             print(json.dumps({**_facts(store, name, entry), "metrics": metrics}, indent=1))
             return

@@ -18,6 +18,7 @@ from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, walk
 from aug3d_core.metrics.comparison import Comparison, compare, side
 from aug3d_core.metrics.scene_metrics import scene_metrics
+from aug3d_core.report.reads import read_of
 from aug3d_core.report.scene_report import write_report
 from aug3d_core.run.errors import Aug3dError, DiskFull, StageFailed
 from aug3d_core.run.full_disk import disk_full
@@ -31,10 +32,12 @@ from aug3d_core.store.scenes import (
     records_before,
     records_of,
     share_version,
+    step_objects,
     version_paths,
     write_metrics,
 )
 from aug3d_core.store.store import Store
+from aug3d_core.store.traffic import Traffic
 from flows.plan import checked_plan
 from tasks import artifacts, progress
 from tasks.build_task import through_prefect
@@ -52,10 +55,11 @@ def factory(
     """
     store = Store(Path(home))
     material = Material(photos=Path(photos) if photos else None, poses=Path(poses) if poses else None)
+    since = store.traffic()
     with run_lock(store.root), store.using():
         before = records_before(store, scene)
         plan = checked_plan(store, scene, material, config, before)
-        return make_version(store, scene, material, preset, config, before, plan)
+        return make_version(store, scene, material, preset, config, before, plan, since)
 
 
 def make_version(
@@ -66,12 +70,14 @@ def make_version(
     config: SceneConfig,
     before: Mapping[str, Record],
     plan: Sequence[Visit],
+    since: Traffic,
 ) -> dict[str, Any]:
     """Make a version of a scene, within a flow; returns the content of its `metrics.json`.
 
     A small scene is made in folds, from the split on, and tested on all of them. before: the objects of an earlier version
-    by step, to say why a step is built again. plan: what a look at the store found just before. The typed error of a
-    failed stage is raised after everything done before it has been recorded.
+    by step, to say why a step is built again. plan: what a look at the store found just before. since: what had been asked
+    of the shared store when the run began. The typed error of a failed stage is raised after everything done before it has
+    been recorded.
     """
     made: list[Visit] = []
     started = time.monotonic()
@@ -88,12 +94,12 @@ def make_version(
             needed = needed_bytes(material, config, before, left)
             error.remedy += f"; what is left of this run may need {size_words(needed)}" if needed else ""
         try:
-            _conclude(store, scene, preset, made, before, time.monotonic() - started, error)
+            _conclude(store, scene, preset, made, before, time.monotonic() - started, since, error)
         except Exception as second:
             if not disk_full(second):  # what filled the disk for the stage leaves no room for a report of it
                 raise
         raise
-    return _conclude(store, scene, preset, made, before, time.monotonic() - started, None)
+    return _conclude(store, scene, preset, made, before, time.monotonic() - started, since, None)
 
 
 def beside_published(store: Store, metrics: Mapping[str, Any], records: Mapping[str, Record]) -> Comparison | None:
@@ -112,11 +118,12 @@ def _conclude(
     made: list[Visit],
     before: Mapping[str, Record],
     seconds: float,
+    since: Traffic,
     error: Aug3dError | None,
 ) -> dict[str, Any]:
     """Write the report and metrics.json and log to MLflow: the same for a good run and a failed one."""
     cached = {m.step.name for m in made if m.cached}
-    files = [(m.step, m.record, store.files_dir(m.record)) for m in made]
+    files = [(m.step, m.record, _files(store, m.record)) for m in made]
     metrics = scene_metrics(scene, preset, code_version(), seconds, files, cached, error)
     for m in made:
         why = why_made(store, m.step.stage, m.record, before.get(m.step.name))
@@ -128,13 +135,21 @@ def _conclude(
     metrics["needs"] = needs_of(files, {m.step.name: m.decisions for m in made})
     metrics["paths"] = version_paths(store, version, records)
     metrics["flow_run"] = _flow_run()
+    if store.shared is not None:
+        metrics["shared_store"] = store.traffic().since(since).told()  # but for the version itself, which is put last
     write_report(files, metrics, version / layout.REPORT, beside_published(store, metrics, records))
     write_metrics(version, metrics)
-    share_version(store, version)
+    share_version(store, version, step_objects(metrics).values())
     metrics["mlflow"] = asdict(log_run(store.root, version))
     artifacts.publish_links(metrics)
     (version / layout.TOLD).touch()
     return metrics
+
+
+def _files(store: Store, record: Record) -> Path:
+    """Return the folder of an object with the files that the report reads, if it reads any."""
+    reads = read_of(record)
+    return store.files_dir(record, reads) if reads else store.place(record)
 
 
 def _damage(visit: Visit) -> list[str]:

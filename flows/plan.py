@@ -18,7 +18,7 @@ from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import records_of, report_fault, version_metrics, version_paths, versions
+from aug3d_core.store.scenes import bring_report, paths_here, records_of, report_fault, version_metrics, versions
 from aug3d_core.store.store import Store
 from tasks.mlflow_outbox import waiting
 
@@ -56,13 +56,13 @@ def nothing_to_do(store: Store, scene: str, preset: str, plan: Sequence[Visit]) 
     if version is None or not (version / layout.TOLD).exists() or waiting(store):
         return None
     metrics = version_metrics(version)
-    if (metrics["preset"], metrics["git"]) != (preset, code_version()) or report_fault(version):
+    if (metrics["preset"], metrics["git"]) != (preset, code_version()) or report_fault(store, version):
         return None
-    records = {visit.step.name: visit.record for visit in plan if visit.record}
-    if not all(store.whole(record.stage, record.key) for record in records.values()):
+    if not all(visit.record and store.whole(visit.record.stage, visit.record.key) for visit in plan):
         return None
+    bring_report(store, version)
     stages = {name: {**figures, "cached": True} for name, figures in metrics["stages"].items()}
-    return {**metrics, "stages": stages, "paths": version_paths(store, version, records)}
+    return {**metrics, "stages": stages, "paths": paths_here(store, version, metrics)}
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from aug3d_core.factory.stages import PREDICTION, TRAINING
 from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.files import PREDICTION as NOVEL_PREDICTION
 from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTION_VIEW
+from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import last_version, object_of, records_of, step_objects
@@ -93,7 +94,7 @@ def predict(
             sources["training"] = model_named(store, model or scene)
             if poses is not None:
                 sources["given"] = _outside(poses)
-            photos = poses or store.files_dir(object_of(store, version, "photos"))
+            photos = poses or store.files_dir(object_of(store, version, "photos"), [PHOTO_TABLE])
             config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
             config = config.model_copy(update={"input_views": _judged_with(store, version)})
             with Console(stderr=True).status("predicting ..."):

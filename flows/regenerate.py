@@ -18,8 +18,9 @@ from aug3d_core.run.errors import Aug3dError, UsageError, shown
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
 from aug3d_core.store.published import held_back, publish, published
-from aug3d_core.store.scenes import records_before, records_of, version_metrics
+from aug3d_core.store.scenes import bring_versions, records_before, records_of, version_metrics
 from aug3d_core.store.store import Store
+from aug3d_core.store.traffic import Traffic
 from flows.factory import beside_published, make_version
 from flows.plan import made_of_the_same
 from flows.settings import OURS, home
@@ -48,6 +49,7 @@ def regenerate(
     the scene's file, is kept but not published.
     """
     store = Store(home())
+    since = store.traffic()
     with run_lock(store.root), store.using():
         entry = read_scene(store, scene)
         plan = list(planned(store, entry.material(), settings))
@@ -57,7 +59,7 @@ def regenerate(
             if published(store, scene) == newest:
                 return Completed(name=UNCHANGED, message=f"nothing changed since {newest.name}, which is published")
         else:
-            metrics = _make(store, scene, entry, settings, plan)
+            metrics = _make(store, scene, entry, settings, plan, since)
             artifacts.publish_changes(scene, metrics)
         return _publish(store, scene, entry, settings, metrics)
 
@@ -95,15 +97,18 @@ def _regenerated(scene: str, entry: SceneEntry | Aug3dError) -> State:
         return Failed(message=f"{error.problem} -> {error.remedy}")
 
 
-def _make(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, plan: Sequence[Visit]) -> dict[str, Any]:
+def _make(
+    store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, plan: Sequence[Visit], since: Traffic
+) -> dict[str, Any]:
     material, before = entry.material(), records_before(store, scene)
     check_room(store, scene, material, settings, before, [(visit.step, visit.record) for visit in plan])
     with listening(artifacts.PrefectProgress()):
-        return make_version(store, scene, material, entry.preset, settings, before, plan)
+        return make_version(store, scene, material, entry.preset, settings, before, plan, since)
 
 
 def _publish(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, metrics: Mapping[str, Any]) -> State:
     """Publish a version if the publish rule allows it; return the state that tells the result."""
+    bring_versions(store, scene)  # another machine may have published one while this was made
     version, last = Path(metrics["paths"]["metrics"]).parent, published(store, scene)
     compared = beside_published(store, metrics, records_of(store, metrics))
     if compared:

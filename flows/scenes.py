@@ -101,8 +101,9 @@ def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
     """List every scene: photographs, schedule, last and published version. A file with a mistake is told, not hidden."""
     with typed_errors(as_json, home):
         store = Store(home)
+        made = made_scenes(store)
         facts = [scene_facts(store, scene, entry) for scene, entry in read_each(store).items()]
-        others = sorted(set(made_scenes(store)) - {fact["scene"] for fact in facts})
+        others = sorted(set(made) - {fact["scene"] for fact in facts})
         if as_json:
             print(json.dumps({"scenes": facts, "not_in_the_registry": others}, indent=1))
         else:

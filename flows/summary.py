@@ -104,12 +104,21 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
         "metrics": paths["metrics"],
         "MLflow": _mlflow_pages(paths),
     }
+    if shared := metrics.get("shared_store"):
+        places["store"] = traffic_words(shared)
     if "rendering" in paths["objects"]:
         places["renders"] = paths["objects"]["rendering"]
     if "dataset" in paths["objects"]:
         places["data set"] = paths["objects"]["dataset"]
     for name, place in places.items():
         console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)
+
+
+def traffic_words(told: Mapping[str, Any]) -> str:
+    """Return what a run asked of the shared store, in words."""
+    kinds = ", ".join(f"{kind} {count:,}" for kind, count in told["requests"].items())
+    asked = f"{sum(told['requests'].values()):,} requests ({kinds})" if kinds else "no request"
+    return f"{asked}, {told['mib_up']:,.1f} MiB up, {told['mib_down']:,.1f} MiB down"
 
 
 def _mlflow_pages(paths: Mapping[str, Any]) -> str:

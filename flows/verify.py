@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -36,40 +36,83 @@ def verify(
 ) -> None:
     """Read every object and version, and compare each file with the digest that was taken when it was written.
 
-    Disks lose bits without a word, and a file's size and time tell nothing. Exit code 3: something is damaged.
+    Disks lose bits without a word, and a file's size and time tell nothing. Of a store that several machines share, all that
+    is in it is read too. Exit code 3: something is damaged.
     """
     with typed_errors(as_json, home):
         console, store, started = Console(stderr=as_json), Store(home), time.monotonic()
         if repair:
             store.check_writable()
         with store.using():
+            store.bring_versions(layout.SCENES, scene)
             items = items_of(store, scene)
             if scene is not None and not items:
                 raise UsageError(f"no version or study of {scene!r} is in {store.root}", "see aug3d gc --dry-run")
             size = size_of(store, items)
             with _shown(console, size) as on_bytes:
                 found = [*_shipped(), *damaged(store, scene, items, on_bytes)]
-        seconds = time.monotonic() - started
-        told = [{**asdict(one), "path": str(one.path), "repaired": None} for one in found]
-        console.print(
-            f"{len(items)} objects, {size / 2**20:,.0f} MiB read in {seconds:.1f} s: {len(found) or 'nothing'} damaged",
-            highlight=False,
-        )
-        for one, line in zip(found, told, strict=True):
-            needed = f"; needed by {', '.join(one.needed_by)}" if one.needed_by else ""
-            console.print(f"[red]damaged[/] {one.path}: {one.what}{needed}", highlight=False, soft_wrap=True)
+        told: dict[str, Any] = {
+            "objects": len(items),
+            "bytes": size,
+            "seconds": round(time.monotonic() - started, 2),
+            "damaged": [{**asdict(one), "path": str(one.path), "repaired": None} for one in found],
+        }
+        _say_read(console, "", told)
+        for one, line in zip(found, told["damaged"], strict=True):
+            _say_damaged(console, str(one.path), one.what, one.needed_by)
             if repair:
                 line["repaired"], said = _repaired(store, one)
                 console.print(f"  {said}", highlight=False, soft_wrap=True, markup=False)
-        if found and not repair:
+        if store.shared is not None:
+            told["shared"] = _shared(console, store, scene, repair)
+        damage = [*told["damaged"], *told.get("shared", {}).get("damaged", ())]
+        if damage and not repair:
             console.print("\nnext  aug3d verify --repair", highlight=False)
         if as_json:
-            print(
-                json.dumps(
-                    {"objects": len(items), "bytes": size, "seconds": round(seconds, 2), "damaged": told}, indent=1
-                )
-            )
-        raise typer.Exit(3 if any(not line["repaired"] for line in told) else 0)
+            print(json.dumps(told, indent=1))
+        raise typer.Exit(3 if any(not line["repaired"] for line in damage) else 0)
+
+
+def _shared(console: Console, store: Store, scene: str | None, repair: bool) -> dict[str, Any]:
+    """Verify the store that several machines share, and repair it; return what `--json` tells of it."""
+    from aug3d_core.store.census import census
+    from aug3d_core.store.shared_verification import damaged_there, readable, repair_there
+
+    assert store.shared is not None
+    bucket, started = store.shared.bucket, time.monotonic()
+    seen = readable(census(bucket, None), scene)
+    with _shown(console, seen.size_bytes) as on_bytes:
+        found = list(damaged_there(bucket, seen, on_bytes))
+    told: dict[str, Any] = {
+        "objects": len(seen.records),
+        "bytes": seen.size_bytes,
+        "seconds": round(time.monotonic() - started, 2),
+        "damaged": [
+            {"path": f"{bucket.url}/{one.name}", "what": one.what, "needed_by": one.needed_by, "repaired": None}
+            for one in found
+        ],
+    }
+    _say_read(console, f" of {bucket.url}", told)
+    for one, line in zip(found, told["damaged"], strict=True):
+        _say_damaged(console, line["path"], one.what, one.needed_by)
+        if repair:
+            said, line["repaired"] = repair_there(store, seen, one), True
+            console.print(f"  {said}", highlight=False, soft_wrap=True, markup=False)
+    return told
+
+
+def _say_read(console: Console, of: str, told: dict[str, Any]) -> None:
+    console.print(
+        f"{told['objects']} objects{of}, {told['bytes'] / 2**20:,.0f} MiB read in {told['seconds']:.1f} s:"
+        f" {len(told['damaged']) or 'nothing'} damaged",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _say_damaged(console: Console, path: str, what: str, needed_by: tuple[str, ...]) -> None:
+    needed = f"; needed by {', '.join(needed_by)}" if needed_by else ""
+    console.print(f"[red]damaged[/] {path}: {what}{needed}", highlight=False, soft_wrap=True)
 
 
 @contextmanager

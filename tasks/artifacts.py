@@ -49,8 +49,7 @@ def publish(store: Store, made: Visit) -> None:
     # Films are in the report and in MLflow: an artifact's Markdown cannot play them
     if stills := {caption: path for caption, path in record.pictures.items() if not is_film(path)}:
         sections = [
-            f"### {caption}\n\n![{caption}]({_embedded(store.files_dir(record, [path]) / path)})"
-            for caption, path in stills.items()
+            f"### {caption}\n\n![{caption}]({_embedded(store.file(record, path))})" for caption, path in stills.items()
         ]
         create_markdown_artifact(
             key=artifact_key(made.step.name, "pictures"),

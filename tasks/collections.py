@@ -36,7 +36,7 @@ def log_collection(store: Store, version: Path, training: Record, published: boo
         for file in (layout.REPORT, layout.METRICS):
             client.log_artifact(run_id, str(version / file))
         for file in (MODEL_WEIGHTS, MODEL_CONFIG):
-            client.log_artifact(run_id, str(store.files_dir(training) / file), artifact_path=_FOLDER)
+            client.log_artifact(run_id, str(store.file(training, file)), artifact_path=_FOLDER)
         model = f"aug3d-{place}"
         if not client.search_registered_models(f"name = '{model}'"):
             client.create_registered_model(model, description=f"Models of the collection {metrics['collection']}")

@@ -8,7 +8,6 @@ MLflow keeps that name for the newest version.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from mlflow.entities import Run
@@ -49,7 +48,7 @@ def register(
     if not client.search_registered_models(f"name = '{name}'"):
         client.create_registered_model(name, description=f"Models of the scene; aug3d predict {metrics['scene']}")
     tags = _tags(records, metrics)
-    version = _registered(client, name, tags) or _add(client, name, run, store.files_dir(records["training"]), tags)
+    version = _registered(client, name, tags) or _add(client, name, run, store, records["training"], tags)
     best = client.get_registered_model(name).aliases.get(BEST)
     rival = None if best is None else client.get_model_version(name, str(best))
     if rival is not None and rival.version != version.version and not _comparable(version, rival):
@@ -89,9 +88,11 @@ def _registered(client: MlflowClient, name: str, tags: Mapping[str, str]) -> Mod
     return None
 
 
-def _add(client: MlflowClient, name: str, run: Run, files: Path, tags: dict[str, str]) -> ModelVersion:
+def _add(
+    client: MlflowClient, name: str, run: Run, store: Store, training: Record, tags: dict[str, str]
+) -> ModelVersion:
     for file in (MODEL_WEIGHTS, MODEL_CONFIG):
-        client.log_artifact(run.info.run_id, str(files / file), artifact_path=_FOLDER)
+        client.log_artifact(run.info.run_id, str(store.file(training, file)), artifact_path=_FOLDER)
     return client.create_model_version(name, f"{run.info.artifact_uri}/{_FOLDER}", run.info.run_id, tags=tags)
 
 

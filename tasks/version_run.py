@@ -117,7 +117,7 @@ def _log_batches(client: MlflowClient, run_id: str, params: Mapping[str, Any], m
 
 def _log_pictures(client: MlflowClient, run_id: str, store: Store, record: Record, folder: str | None = None) -> None:
     for path in record.pictures.values():
-        client.log_artifact(run_id, str(store.files_dir(record, [path]) / path), artifact_path=folder)
+        client.log_artifact(run_id, str(store.file(record, path)), artifact_path=folder)
 
 
 def _data_set(store: Store, scene: str, record: Record) -> DatasetInput:

@@ -17,7 +17,7 @@ from jaxtyping import install_import_hook
 import tests.shapes  # noqa: F401  (the hook below looks it up by name)
 from tests.journeys.small_town import OVERRIDES
 
-pytest_plugins = ("tests.processes", "tests.skips")
+pytest_plugins = ("tests.processes", "tests.shared_stores", "tests.skips")
 
 CORE = Path(__file__).parents[1] / "aug3d_core"
 # Array shapes and types in the annotations are checked while testing. This must run before aug3d_core is imported.

@@ -81,7 +81,7 @@ def _judged(store: Store, datasets: list[Record], model: Source, make: Make) -> 
     for fold, data in enumerate(datasets):
         sources = {"dataset": source_of(store, data), "training": model}
         trial = tried(single(EVALUATION, config, sources, make))
-        views = pd.read_parquet(store.files_dir(trial.records["evaluation"]) / TEST_VIEWS)
+        views = pd.read_parquet(store.file(trial.records["evaluation"], TEST_VIEWS))
         tables.append(views.assign(group=views["group"] + 1000 * fold))
     return pd.concat(tables, ignore_index=True)
 

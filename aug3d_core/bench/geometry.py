@@ -70,7 +70,7 @@ def pose_spread(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     figures = {}
     for name, overrides in ways.items():
         trials = [run_trial(store, "sfm", scene, (override,), directly(store, say)) for override in overrides]
-        runs = [Views.load(store.files_dir(t.records["sfm"]) / VIEWS) for t in trials if "sfm" in t.records]
+        runs = [Views.load(store.file(t.records["sfm"], VIEWS)) for t in trials if "sfm" in t.records]
         value = spread_pct(runs) if len(runs) == len(trials) else None
         figures[f"town_pose_spread_{name}_pct"] = Figure(value, "% of extent")
     return figures
@@ -96,6 +96,6 @@ def growth(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     return {
         "growth_cost_share": at_most(0.25, grown.cpu_seconds(POSES) / fresh.cpu_seconds(POSES), "share"),
         "growth_registered_share": at_least(
-            1.0, float(len(Views.load(aside.files_dir(grown.records["sfm"]) / VIEWS)) / len(photos)), "share"
+            1.0, float(len(Views.load(aside.file(grown.records["sfm"], VIEWS))) / len(photos)), "share"
         ),
     }

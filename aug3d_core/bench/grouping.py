@@ -93,4 +93,4 @@ def _bad(trial: Trial, way: str) -> float | None:
 def _keep_pictures(store: Store, trial: Trial, pictures: Path, path: str) -> None:
     if "overlap" in trial.records:
         for name in (GROUPS_MAP, GROUPS_COLUMNS):
-            shutil.copy(store.files_dir(trial.records["overlap"]) / name, pictures / f"{path}_{name}")
+            shutil.copy(store.file(trial.records["overlap"], name), pictures / f"{path}_{name}")

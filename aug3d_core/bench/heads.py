@@ -53,7 +53,7 @@ def _trial(store: Store, scene: Measured, say: Say, head: tuple[str, ...], photo
 
 def _scene_figures(store: Store, trial: Trial, name: str, goals: Mapping[str, float]) -> dict[str, Figure]:
     """Return the scores of both ways to start, and their leads with the lower ends of their intervals."""
-    views = pd.read_parquet(store.files_dir(trial.records["evaluation"]) / TEST_VIEWS)
+    views = pd.read_parquet(store.file(trial.records["evaluation"], TEST_VIEWS))
     found = {
         f"{name}_psnr": Figure(_mean(views, "psnr"), "dB"),
         f"{name}_ssim": Figure(_mean(views, "ssim"), "1"),

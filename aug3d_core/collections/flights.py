@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from aug3d_core.collections.made import TOWN, TRAIN, Member
 from aug3d_core.geometry.geodesy import enu_from_geodetic
-from aug3d_core.photos.files import read_photos
+from aug3d_core.photos.files import PHOTO_TABLE, read_photos
 from aug3d_core.store.store import Store
 
 NEAR_M = 100.0  # between photographs that may show the same ground: footprints of usual flights are as wide
@@ -27,7 +27,7 @@ def overlapping(store: Store, members: dict[str, Member]) -> list[str]:
     Made-up towns all claim one position: they are compared by content alone.
     """
     tables = {
-        name: read_photos(store.files_dir(member.photos))
+        name: read_photos(store.files_dir(member.photos, [PHOTO_TABLE]))
         for name, member in members.items()
         if member.role != TOWN and member.photos
     }

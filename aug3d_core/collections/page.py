@@ -39,8 +39,7 @@ def report(store: Store, metrics: Mapping[str, Any], made: MadeCollection) -> st
         rows = [[number(name), number(what)] for name, what in trouble.items()]
         parts += [tag("h2", "Not made, or not judged"), table(("scene", "why"), rows)]
     for name, record in made.evaluations.items():
-        files = store.files_dir(record)
-        shown = [(caption, files / path) for caption, path in list(record.pictures.items())[:1]]
+        shown = [(caption, store.file(record, path)) for caption, path in list(record.pictures.items())[:1]]
         parts += [tag("h2", name), *(picture(path, caption) for caption, path in shown)]
     return page(f"Collection {metrics['collection']}", "".join(parts))
 

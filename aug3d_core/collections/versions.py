@@ -29,8 +29,7 @@ def new_version(store: Store, name: str) -> Path:
 
 def versions(store: Store, name: str) -> list[Path]:
     """Return the folders of the versions that count, oldest first."""
-    if store.shared is not None:
-        store.shared.bring_versions(store.root / layout.COLLECTIONS, check_scene_name(name))
+    store.bring_versions(layout.COLLECTIONS, check_scene_name(name))
     folder = store.root / layout.COLLECTIONS / check_scene_name(name)
     return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
 

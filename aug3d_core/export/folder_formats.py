@@ -24,12 +24,20 @@ from aug3d_core.photos.files import PHOTO_TABLE, image_name, read_photos
 from aug3d_core.poses.recognise import COLMAP, DTU, NERFSTUDIO, TRANSFORMS
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.store.record import Record
 
 FORMATS = (COLMAP, NERFSTUDIO)
 IMAGES = "images"
 _MODEL = "sparse/0"
 _CLOUD = "sparse_pc.ply"
 _COPY = ".png"
+
+
+def read_of(record: Record) -> list[str]:
+    """Return the files that `export` reads of an output of stage sfm or photos."""
+    if record.stage == "photos":
+        return [name for name in record.files if name == PHOTO_TABLE]
+    return [name for name in record.files if name in (VIEWS, POINTS, TRACKS) or name.startswith(f"{VIEW_IMAGES}/")]
 
 
 def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:

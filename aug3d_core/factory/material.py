@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from aug3d_core.factory.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES, FROM_TOWN
-from aug3d_core.photos.discover import folder_digest
+from aug3d_core.photos.discover import digest_of, folder_digest
 from aug3d_core.poses.recognise import pose_digest, recognise
 from aug3d_core.run.stage import Frozen, Stage
 from aug3d_core.store.record import Record, files_digest
@@ -59,10 +59,21 @@ def ready(stage: Stage, records: Mapping[str, Record], material: Material) -> bo
     return there.issuperset(stage.inputs)
 
 
+def town_photos(store: Store, town: Record) -> Source:
+    """Return the photographs of the built-in town as an input; none of them is read for that."""
+    reads = tuple(name for name in town.files if name.startswith(f"{TOWN_PHOTOS}/"))
+    digest = digest_of({name.removeprefix(f"{TOWN_PHOTOS}/"): town.files[name].sha256 for name in reads})
+    return Source(path=store.place(town) / TOWN_PHOTOS, digest=digest, made=town, reads=reads)
+
+
+def given_photos(folder: Path) -> Source:
+    """Return the photographs that the user gives as an input."""
+    return Source(path=folder, digest=folder_digest(folder))
+
+
 def _source(store: Store, stage: Stage, name: str, records: Mapping[str, Record], material: Material) -> Source:
     if name == "folder":
-        folder = material.photos or store.files_dir(records["town"]) / TOWN_PHOTOS
-        return Source(path=folder, digest=folder_digest(folder))
+        return given_photos(material.photos) if material.photos else town_photos(store, records["town"])
     if name == "given" and material.poses:
         return Source(path=material.poses, digest=pose_digest(material.poses))
     return source_of(store, records[name], stage.reads.get(name, ()))

@@ -5,17 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from aug3d_core.factory.build import Built, Work, build, work_of
-from aug3d_core.factory.material import Source, source_of
-from aug3d_core.factory.stages import STAGES
-from aug3d_core.photos.discover import folder_digest
+from aug3d_core.factory.material import Source, given_photos, source_of, town_photos
+from aug3d_core.factory.stages import STAGES, TOWN
 from aug3d_core.poses.recognise import pose_digest
 from aug3d_core.run.errors import Aug3dError, StoreError
-from aug3d_core.run.files import EARLIER, JOB
+from aug3d_core.run.files import EARLIER, FILES, JOB
 from aug3d_core.run.stage import Progress, Stage
 from aug3d_core.run.stage_main import Job
 from aug3d_core.store.record import Record, read_job
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Object
+from aug3d_core.town.files import TOWN_PHOTOS
 
 
 def repair(store: Store, item: Object, progress: Progress) -> Built:
@@ -65,11 +65,17 @@ def _work(store: Store, job: Job, progress: Progress) -> Work:
 def _source(store: Store, stage: Stage, name: str, path: Path, progress: Progress) -> Source:
     """Return an input, repaired where it is damaged."""
     if name == "folder":
-        return Source(path=path, digest=folder_digest(path))
+        of_town = path.parts[-2:] == (FILES, TOWN_PHOTOS) and path.parts[-4] == TOWN.name  # whichever machine's it was
+        return town_photos(store, _whole(store, path.parent, progress)) if of_town else given_photos(path)
     if name == "given":
         return Source(path=path, digest=pose_digest(path))
-    key, made_by = path.parent.name, path.parent.parent.name
+    return source_of(store, _whole(store, path, progress), stage.reads.get(name, ()))
+
+
+def _whole(store: Store, files: Path, progress: Progress) -> Record:
+    """Return the object that has this folder of files, made again if it is damaged."""
+    key, made_by = files.parent.name, files.parent.parent.name
     record = store.record(made_by, key)
-    if not isinstance(record, Record) or store.faults(record):
-        record = repair(store, (made_by, key), progress).record
-    return source_of(store, record, stage.reads.get(name, ()))
+    if isinstance(record, Record) and not store.faults(record):
+        return record
+    return repair(store, (made_by, key), progress).record

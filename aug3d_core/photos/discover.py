@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,10 +60,15 @@ def _refuse(error: OSError) -> None:
 
 def folder_digest(folder: Path) -> str:
     """Return the SHA-256 over the names and bytes of the photographs in a folder; other files do not count."""
+    return digest_of({name: _content(folder / name) for name in find_photos(folder).names})
+
+
+def digest_of(contents: Mapping[str, str]) -> str:
+    """Return the digest of a folder whose photographs, by name, have these SHA-256."""
     digest = hashlib.sha256()
-    for name in sorted(find_photos(folder).names):
+    for name in sorted(contents):
         on_disk = name.encode(errors="surrogateescape")  # need not be UTF-8
-        digest.update(b"%d:%b:%b\n" % (len(on_disk), on_disk, _content(folder / name).encode()))
+        digest.update(b"%d:%b:%b\n" % (len(on_disk), on_disk, contents[name].encode()))
     return digest.hexdigest()
 
 

@@ -2,6 +2,7 @@
 
 scene_report    the page, with its style, its script and its sections
 reported_run    what a section reads: the records and files of a run, as one fold has them
+reads           which files those may be
 html            escaping, numbers, tables, embedded pictures
 svg             bars with intervals and curves, as inline SVG in the page's colours
 histogram       histograms, drawn the same way

@@ -22,6 +22,7 @@ from aug3d_core.metrics.scene_metrics import Made
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.report.ground_coverage import overlap_frame, seen_by
 from aug3d_core.report.html import PICTURE_PX, picture
+from aug3d_core.report.reads import is_read
 from aug3d_core.report.top_view import Frame, frame_of, from_above
 from aug3d_core.run.stage import Metric
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS, WORLD
@@ -64,8 +65,11 @@ class ReportedRun:
 
     def file(self, stage: str, name: str) -> Path | None:
         """Return a file of a stage; None if it does not exist."""
-        path = self._seen[stage][1] / name if stage in self._seen else None
-        return path if path and path.is_file() else None
+        if stage not in self._seen:
+            return None
+        record, folder = self._seen[stage]
+        assert is_read(record, name), f"report/reads.py does not list {name} of {stage}"
+        return folder / name if (folder / name).is_file() else None
 
     def table(self, stage: str, name: str) -> pd.DataFrame:
         """Return a table of a stage; empty if it does not exist."""

@@ -34,6 +34,13 @@ SERVICES_TOKEN = "token"
 WORKER_READY = "worker.ready"
 MLFLOW_OUTBOX = "mlflow-outbox"
 
+# Only in a store that several machines share
+BLOBS = "blobs"  # the bytes of files, under their SHA-256
+LEASES = "leases"
+CLOCK = "gc/clock"
+MARKS = "gc/marks"  # what nobody needed when someone looked
+USED = "gc/used"  # objects that a machine began to use although they were marked
+
 # One object
 RECORD = "record.json"
 GONE = ".gone-"  # begins the name of an object that is being deleted

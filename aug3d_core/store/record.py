@@ -59,7 +59,12 @@ class Record(Frozen):
 
 def read_record(path: Path) -> Record:
     """Read a record; raises ValueError if it is not what was written."""
-    record = Record.model_validate(unsealed(path.read_bytes()))
+    return record_of(path.read_bytes())
+
+
+def record_of(content: bytes) -> Record:
+    """Return the record that a file holds; raises ValueError if it is not what was written."""
+    record = Record.model_validate(unsealed(content))
     if record.digest != files_digest(record.files):
         raise ValueError("the digests of its files do not fit that of the whole")
     return record

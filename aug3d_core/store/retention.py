@@ -50,7 +50,9 @@ def plan(store: Store, keep: int, keep_hours: float) -> Plan:
     """
     every, made = versions(store), studies(store)
     scenes = {version.scene: [v for v in every if v.scene == version.scene] for version in every}
-    kept = {folder for scene, mine in scenes.items() for folder in _kept(store, scene, mine, keep)} | _untold(store)
+    kept = {
+        folder for scene, mine in scenes.items() for folder in newest_kept(mine, keep, published(store, scene))
+    } | _untold(store)
     old = [version for version in every if version.folder not in kept]
     goes = _with_objects(store, old, [*(v for v in every if v.folder in kept), *made])
     loose = list(_loose(store, objects_of([*every, *made])))
@@ -105,8 +107,9 @@ def _drop_folder(folder: Path, counts_by: str) -> None:
         folder.parent.rmdir()
 
 
-def _kept(store: Store, scene: str, mine: Sequence[Holder], keep: int) -> set[Path]:
-    shown, whole = published(store, scene), [version for version in mine if version.whole]
+def newest_kept(mine: Sequence[Holder], keep: int, shown: Path | None) -> set[Path]:
+    """Return the folders of the versions of a scene that stay, of all of them, oldest first. shown: the published one."""
+    whole = [version for version in mine if version.whole]
     return {version.folder for version in (*mine[-keep:], *whole[-1:])} | ({shown} if shown else set())
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.files import FILES
 from aug3d_core.store import layout
 from aug3d_core.store.damage import sha256_of
 from aug3d_core.store.published import published
@@ -28,9 +29,11 @@ def new_version(store: Store, scene: str) -> Path:
 
 
 def bring_versions(store: Store, scene: str | None = None) -> None:
-    """Bring the versions of a scene, or of all, here that other machines have made, and what is published."""
-    if store.shared is not None:
-        store.shared.bring_versions(store.root / layout.SCENES, scene and check_scene_name(scene))
+    """Bring the versions of a scene, or of all, here that other machines have made, and what is published.
+
+    `versions` and `scenes` do so the first time that a `Store` is asked for them: a command, and a run, opens one.
+    """
+    store.bring_versions(layout.SCENES, scene and check_scene_name(scene), again=True)
 
 
 def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
@@ -40,19 +43,38 @@ def write_metrics(version: Path, metrics: Mapping[str, Any]) -> None:
     write_synced(version / layout.METRICS, sealed(told))
 
 
-def share_version(store: Store, version: Path) -> None:
-    """Give a complete version to the machines that share the store."""
+def share_version(store: Store, version: Path, objects: Iterable[tuple[str, str]]) -> None:
+    """Give a complete version to the machines that share the store, once that has all that the version names.
+
+    Raises DamagedError where it has not, and this machine cannot give it.
+    """
     if store.shared is not None:
+        store.share_again(objects)
         store.shared.share_version(version)
+
+
+def bring_report(store: Store, version: Path) -> None:
+    """Bring the report of a version that another machine has made."""
+    if store.shared is not None:
+        store.shared.bring_report(version)
 
 
 def version_paths(store: Store, version: Path, records: Mapping[str, Record]) -> dict[str, Any]:
     """Return where everything of a version lies: metrics, report, the MLflow store, the files of each step."""
+    return _paths(store, version, {step: (record.stage, record.key) for step, record in records.items()})
+
+
+def paths_here(store: Store, version: Path, metrics: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where everything of a version lies on this machine: its metrics tell where the machine that made it has it."""
+    return _paths(store, version, step_objects(metrics))
+
+
+def _paths(store: Store, version: Path, objects: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
     return {
         "metrics": str(version / layout.METRICS),
         "report": str(version / layout.REPORT),
         "mlflow": masked(mlflow_address(store)),
-        "objects": {step: str(store.place(record)) for step, record in records.items()},
+        "objects": {step: str(store.object_dir(*item) / FILES) for step, item in objects.items()},
     }
 
 
@@ -68,15 +90,15 @@ def masked(text: str) -> str:
 
 def scenes(store: Store) -> list[str]:
     """Return the names of all scenes that have a version."""
-    bring_versions(store)
+    store.bring_versions(layout.SCENES)
     files = (store.root / layout.SCENES).glob(f"*/*/{layout.METRICS}")
     return sorted({path.parent.parent.name for path in files if not metrics_fault(path.parent)})
 
 
 def versions(store: Store, scene: str) -> list[Path]:
     """Return the folders of a scene's versions that count, oldest first."""
-    bring_versions(store, scene)
-    folder = store.root / layout.SCENES / check_scene_name(scene)
+    store.bring_versions(layout.SCENES, check_scene_name(scene))
+    folder = store.root / layout.SCENES / scene
     return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
 
 
@@ -96,9 +118,11 @@ def metrics_fault(version: Path) -> str:
     return ""
 
 
-def report_fault(version: Path) -> str:
-    """Return what is wrong with the report of a version, "" if it is whole or older than digests."""
+def report_fault(store: Store, version: Path) -> str:
+    """Return what is wrong with the report of a version, "" if it is whole, older than digests, or elsewhere."""
     for name, digest in unsealed((version / layout.METRICS).read_bytes()).get(DIGESTS, {}).items():
+        if not (version / name).is_file() and store.shared is not None:  # it comes when it is asked for
+            continue
         if not (version / name).is_file():
             return f"{name} is missing"
         if sha256_of(version / name) != digest:

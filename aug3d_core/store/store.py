@@ -13,7 +13,8 @@ import fcntl
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -23,12 +24,16 @@ from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import ERROR, FILES, JOB, LOG
 from aug3d_core.run.full_disk import disk_failure, disk_full
+from aug3d_core.run.limits import cache_bytes_from
 from aug3d_core.run.stage import Progress
 from aug3d_core.store import layout
 from aug3d_core.store.damage import DamagedError, Fault, fault, faults, listed, sha256_of, unreadable
 from aug3d_core.store.private_home import make_private
-from aug3d_core.store.record import FileEntry, Record, files_digest, read_record
+from aug3d_core.store.record import FileEntry, Record, files_digest, read_record, record_of
 from aug3d_core.store.seal import sealed
+from aug3d_core.store.traffic import Traffic
+
+_TOGETHER = 8  # requests at once
 
 
 class Store:
@@ -41,6 +46,7 @@ class Store:
         """
         self.root = root.resolve()
         self.shared = _shared()
+        self._asked: set[tuple[str, str | None]] = set()  # of whose versions the shared store was asked
         if "?" in str(self.root):
             raise StoreError(
                 f"the store {self.root} has a '?' in its path, which the addresses of MLflow's database cannot hold",
@@ -50,6 +56,7 @@ class Store:
             make_private(self.root)
             for folder in self._folders():
                 folder.mkdir(parents=True, exist_ok=True)
+            self._most_cached_bytes = cache_bytes_from(os.environ, shutil.disk_usage(self.root).total)
         except OSError as error:
             if disk_full(error):
                 raise disk_failure(self.root, str(error)) from error
@@ -59,6 +66,20 @@ class Store:
                 f"the store {self.root} cannot be opened: {error.strerror}",
                 "choose a folder that you can write with --home DIR or AUG3D_HOME",
             ) from error
+
+    def traffic(self) -> Traffic:
+        """Return what this process has asked of the shared store so far; nothing where there is none."""
+        return self.shared.bucket.tally.traffic() if self.shared is not None else Traffic()
+
+    def bring_versions(self, top: str, scene: str | None = None, *, again: bool = False) -> None:
+        """Bring the versions of a scene (None: of all) here that other machines have made, and what is published.
+
+        The shared store is asked once, or `again`. top: the folder of the scenes, or of the collections.
+        """
+        if self.shared is None or (not again and {(top, scene), (top, None)} & self._asked):
+            return
+        self.shared.bring_versions(self.root / top, scene)
+        self._asked.add((top, scene))
 
     def unwritable(self) -> Path | None:
         """Return the first folder of the store that cannot be written, None if all can."""
@@ -88,6 +109,10 @@ class Store:
         self.check(record, reads)
         return self.place(record)
 
+    def file(self, record: Record, name: str) -> Path:
+        """Return one file of an object to whoever reads it; raises DamagedError if it is not what was written."""
+        return self.files_dir(record, [name]) / name
+
     def place(self, record: Record) -> Path:
         """Return the folder of an object's files to be told or linked, not to be read."""
         return self.object_dir(record.stage, record.key) / FILES
@@ -98,6 +123,8 @@ class Store:
         What another machine made is brought here first.
         """
         self._bring(record, reads or list(record.files))
+        if self.shared is not None:
+            self.shared.use(self.object_dir(record.stage, record.key))
         found = self.faults(record, reads)
         if not found:
             return
@@ -164,6 +191,16 @@ class Store:
         with file.open("rb" if self.unwritable() else "ab") as held:
             fcntl.flock(held, fcntl.LOCK_SH)
             yield
+        self._trim()
+
+    def _trim(self) -> None:
+        """Keep within the bound what is here of the shared store, unless someone is using it."""
+        if self.shared is None or self.unwritable():
+            return
+        from aug3d_core.store.cache import trim
+
+        with suppress(StoreError), self.alone():
+            trim(self.root, self.shared, self._most_cached_bytes)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -212,7 +249,9 @@ class Store:
         record = self.record(stage, key)
         if not isinstance(record, Record) or self.faults(record):
             return None
-        return record if self.shared is None or self.shared.is_shared(self.object_dir(stage, key)) else None
+        if self.shared is None or (self.shared.is_shared(self.object_dir(stage, key)) and self.shared.keep(stage, key)):
+            return record
+        return None
 
     def put_aside(self, record: Record, seen: Fault) -> Path | None:
         """Move a damaged object out of sight and return where it lies; None if somebody else did, or the disk forbids it."""
@@ -228,6 +267,8 @@ class Store:
         """
         found = self.record(stage, key)
         record, wrong = (found, self.faults(found)) if isinstance(found, Record) else (None, [found])
+        if record and not wrong and self._went(stage, key):
+            wrong = self.faults(record)  # all files should be here, to be shared again
         if record and not wrong:
             return self._agreed(record), ""
         if not self.object_dir(stage, key).exists():
@@ -249,6 +290,50 @@ class Store:
         except OSError as error:
             raise unreadable(folder, error) from error
 
+    def _went(self, stage: str, key: str) -> bool:
+        """Say whether the shared store had an object, and has it no more; it is not taken for shared then."""
+        folder = self.object_dir(stage, key)
+        if self.shared is None or not self.shared.is_shared(folder) or self.shared.keep(stage, key):
+            return False
+        self.shared.forget(folder)
+        return True
+
+    def share_again(self, items: Iterable[tuple[str, str]]) -> None:
+        """See that the shared store has objects, which are about to be named, as they are here.
+
+        One that went meanwhile is shared again; raises DamagedError where not all of it is here, or where another machine
+        has made it anew with other bytes.
+        """
+        if self.shared is not None:
+            with ThreadPoolExecutor(_TOGETHER) as pool:
+                list(pool.map(lambda item: self._share_again(*item), items))
+
+    def _share_again(self, stage: str, key: str) -> None:
+        assert self.shared is not None
+        folder = self.object_dir(stage, key)
+        try:
+            content = (folder / layout.RECORD).read_bytes()
+        except FileNotFoundError:  # whoever reads what is named sees that
+            return
+        if self.shared.keep(stage, key) and self.shared.holds(stage, key, content):
+            return
+        with self.lock(stage, key):
+            self.shared.forget(folder)
+            ours, wrong = self.take(stage, key)
+        if wrong or ours is None or ours.digest != record_of(content).digest:
+            raise DamagedError(
+                f"{stage} {key} is no more in the shared store as it was used here",
+                "run the scene again: it is made again",
+                None,
+            )
+
+    def let_go(self, stage: str, key: str) -> None:
+        """Learn that the shared store has an object no more: if all of it is here it is shared again, else put aside."""
+        if self.shared is not None and self.object_dir(stage, key).exists():
+            with self.lock(stage, key):
+                self.shared.forget(self.object_dir(stage, key))
+                self.take(stage, key)
+
     def _aside(self, stage: str, key: str) -> Path:
         folder = self.object_dir(stage, key)
         aside = folder.with_name(f"{layout.DAMAGED}{key}-{time.time_ns()}")
@@ -256,14 +341,14 @@ class Store:
         return aside
 
     def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
-        """Return the files' folders of the whole objects that a recipe made, newest first."""
+        """Return the files' folders of the whole objects that a recipe made, newest first: of those that are all here."""
         found = []
         for path in (self.root / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"):
             with suppress(OSError, ValueError):
                 if (record := read_record(path)).recipe == recipe:
                     found.append((path.stat().st_mtime_ns, record))
         newest = [record for _, record in sorted(found, key=lambda each: each[0], reverse=True)[:most]]
-        return [self.place(record) for record in newest if not self.faults(record)]
+        return [self.place(record) for record in newest if not faults(self.place(record), record.files)]
 
     def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
         """Turn a work folder into an object: digest the files, write the record last, sync, rename."""
@@ -313,7 +398,23 @@ class Store:
             return
         if self.shared.is_shared(folder):
             missing = [name for name in names if not (folder / FILES / name).exists()]
-            self.shared.bring_files(folder / FILES, {name: record.files[name] for name in missing})
+            try:
+                self.shared.bring_files(folder / FILES, {name: record.files[name] for name in missing})
+            except StoreError:
+                if not self.shared.has_record(record.stage, record.key):
+                    raise self._dropped(record) from None
+                raise
+
+    def _dropped(self, record: Record) -> DamagedError:
+        """Put out of sight what is here of an object that the shared store has no more; return the error that tells."""
+        aside = None
+        with suppress(OSError, StoreError), self.lock(record.stage, record.key):
+            aside = self._aside(record.stage, record.key)
+        return DamagedError(
+            f"{record.stage} {record.key} was dropped from the shared store",
+            "run the scene again: it is made again",
+            aside,
+        )
 
     def _here(self, record: Record) -> dict[str, FileEntry]:
         """Return the files of an object that should be in this folder: all, or those brought of another machine's."""

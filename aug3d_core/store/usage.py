@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,23 +42,31 @@ class Usage:
     shared_bytes: int
 
 
+def _of_version(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
+    return frozenset(step_objects(told).values()), "failure" not in told
+
+
+def _of_study(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
+    return frozenset((stage, key) for stage, key in told["objects"]), True
+
+
+# What a holder names and whether it is whole, by the folder that it is in
+READS: Mapping[str, Callable[[Mapping[str, Any]], tuple[frozenset[Object], bool]]] = {
+    layout.SCENES: _of_version,
+    layout.COLLECTIONS: _of_study,
+    layout.STUDIES: _of_study,
+}
+
+
 def versions(store: Store) -> list[Holder]:
     """Return every version that counts, oldest first within a scene; raises StoreError if one cannot be read."""
-
-    def read(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
-        return frozenset(step_objects(told).values()), "failure" not in told
-
-    return _holders(store.root / layout.SCENES, layout.METRICS, read)
+    return _holders(store.root / layout.SCENES, layout.METRICS)
 
 
 def studies(store: Store) -> list[Holder]:
     """Return every study, and every version of a collection; raises StoreError if one cannot be read."""
-
-    def read(told: Mapping[str, Any]) -> tuple[frozenset[Object], bool]:
-        return frozenset((stage, key) for stage, key in told["objects"]), True
-
-    collections = _holders(store.root / layout.COLLECTIONS, layout.METRICS, read)
-    return [*_holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS, read), *collections]
+    collections = _holders(store.root / layout.COLLECTIONS, layout.METRICS)
+    return [*_holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS), *collections]
 
 
 def named(records: Iterable[Record]) -> list[Object]:
@@ -75,16 +83,23 @@ def usage(store: Store) -> dict[str, Usage]:
     """Return what each scene with a version or a study takes; raises StoreError if one cannot be read."""
     holders = [*versions(store), *studies(store)]
     sizes = {item: bytes_under(store.object_dir(*item)) for item in objects_of(holders)}
+    return usage_of(holders, sizes, bytes_under)
+
+
+def usage_of(
+    holders: Sequence[Holder], sizes: Mapping[Object, int], bytes_of: Callable[[Path], int]
+) -> dict[str, Usage]:
+    """Return what each scene takes. sizes: bytes of each object. bytes_of: those of a holder's folder."""
     found = {}
     for scene in sorted({holder.scene for holder in holders}):
         objects = objects_of(holder for holder in holders if holder.scene == scene)
         others = objects_of(holder for holder in holders if holder.scene != scene)
         folders = [holder.folder for holder in holders if holder.scene == scene]
-        of_studies = sum(folder.is_relative_to(store.root / layout.STUDIES) for folder in folders)
+        of_studies = sum(folder.parent.parent.name == layout.STUDIES for folder in folders)
         found[scene] = Usage(
             versions=len(folders) - of_studies,
             studies=of_studies,
-            own_bytes=sum(map(bytes_under, folders)) + sum(sizes[item] for item in objects - others),
+            own_bytes=sum(map(bytes_of, folders)) + sum(sizes[item] for item in objects - others),
             shared_bytes=sum(sizes[item] for item in objects & others),
         )
     return found
@@ -112,10 +127,8 @@ def bytes_under(path: Path) -> int:
     return total
 
 
-def _holders(
-    folder: Path, file: str, read: Callable[[Mapping[str, Any]], tuple[frozenset[Object], bool]]
-) -> list[Holder]:
-    found = []
+def _holders(folder: Path, file: str) -> list[Holder]:
+    read, found = READS[folder.name], []
     for path in sorted(folder.glob(f"*/*/{file}")):
         try:
             objects, whole = read(unsealed(path.read_bytes()))

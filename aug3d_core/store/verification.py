@@ -70,7 +70,7 @@ def _of_object(store: Store, item: Object, on_bytes: OnBytes) -> list[Fault]:
 def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
     for top, pattern in ((layout.SCENES, layout.METRICS), (layout.COLLECTIONS, layout.METRICS)):
         for file in sorted((store.root / top).glob(f"{scene or '*'}/*/{pattern}")):
-            if what := metrics_fault(file.parent) or report_fault(file.parent):
+            if what := metrics_fault(file.parent) or report_fault(store, file.parent):
                 yield Damage(file.parent, what)
         for pointer in sorted((store.root / top).glob(f"{scene or '*'}/{layout.PUBLISHED}")):
             try:

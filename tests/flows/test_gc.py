@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.store.scenes import share_version
 from aug3d_core.store.store import Store
 from flows.cli import app
 from tests.store.little_store import add_object, add_version
@@ -117,3 +118,20 @@ def test_a_run_that_would_not_fit_is_refused_before_anything_is_started(
     failure = json.loads(done.stdout)["failure"]
     assert "300 MiB are free" in failure["problem"] and str(tmp_path) in failure["problem"]
     assert "aug3d gc" in failure["remedy"] and not (tmp_path / "prefect").exists()
+
+
+def test_a_shared_store_is_told_and_cleaned_by_a_machine_that_made_nothing(tmp_path: Path, shared: str) -> None:
+    maker, other = Store(tmp_path / "maker"), tmp_path / "other"
+    for i in range(3):
+        add_object(maker, "sfm", f"k{i}", 2 * 2**20)
+        share_version(maker, add_version(maker, "demo", f"2026-0{i + 1}", [("sfm", f"k{i}")]), [("sfm", f"k{i}")])
+    looked = json.loads(invoke("--dry-run", "--home", other, "--json").stdout)["shared"]
+    assert (looked["url"], looked["objects"], looked["goes"]) == (shared, 3, [])
+    assert looked["scenes"]["demo"]["versions"] == 3 and looked["store_bytes"] > 2 * 2**20
+    said = invoke("--scene", "demo", "--home", other, says="n\n").output
+    assert "Drop all of this?" in said and "version" in said and not [*other.glob("scenes/*/*")]
+    gone = json.loads(invoke("--scene", "demo", "--yes", "--home", other, "--json").stdout)["shared"]
+    assert [(row["scene"], row["what"], row["count"]) for row in gone["goes"]] == [("demo", "version", 3)]
+    assert gone["scenes"] == {} and looked["bytes"] == 0
+    text = invoke("--dry-run", "--home", other).output
+    assert f"in {shared}" in text and "in all  3 objects" in text

@@ -9,6 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from aug3d_core.heads.files import MODEL_WEIGHTS
+from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 from flows.cli import app
 from tests.store.test_verification import an_object
@@ -63,3 +65,18 @@ def test_the_shipped_weights_are_read(store: Store, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("aug3d_core.heads.config.shipped", lambda: (tmp_path / "shipped", "0" * 64, ()))
     code, told = verified(store.root)
     assert code == 3 and "is not what aug3d ships" in told["damaged"][0]["what"]
+
+
+def test_a_shared_store_is_read_and_repaired_by_a_machine_that_made_nothing(tmp_path: Path, shared: str) -> None:
+    maker, other, place = Store(tmp_path / "maker"), tmp_path / "other", Bucket(shared)
+    record = maker.record(*an_object(maker, "a"))
+    assert isinstance(record, Record)
+    code, told = verified(other)
+    assert (code, told["objects"], told["shared"]["objects"], told["shared"]["bytes"]) == (0, 0, 1, 20)
+    place.put(f"blobs/{record.files['a.bin'].sha256}", b"0123456780")
+    code, told = verified(other)
+    [damage] = told["shared"]["damaged"]
+    assert code == 3 and damage["path"].startswith(f"{shared}/blobs/") and "other bytes" in damage["what"]
+    code, told = verified(other, "--repair")
+    assert code == 0 and told["shared"]["damaged"][0]["repaired"]
+    assert verified(other)[1]["shared"] | {"seconds": 0} == {"objects": 0, "bytes": 0, "seconds": 0, "damaged": []}

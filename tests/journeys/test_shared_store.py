@@ -13,6 +13,10 @@ from typing import Any
 import pytest
 
 from aug3d_core.factory.stages import FROM_TOWN
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
+from aug3d_core.report.reads import read_of
+from aug3d_core.run.files import FILES
+from aug3d_core.store.record import read_record
 from tests.journeys.test_demo import command, computed, digests, run
 from tests.store.s3_service import KEYS, s3_service
 
@@ -47,6 +51,11 @@ def test_a_machine_dies_another_goes_on_and_a_third_has_nothing_to_do(
 
     third = run(homes[2], env=team)
     assert computed(third) == set() and digests(third) == digests(first)
+    assert third["shared_store"]["mib_down"] > 0, "what the report reads, and the model for its own MLflow"
+    for file in homes[2].glob("objects/*/*/record.json"):
+        record, files = read_record(file), file.parent / FILES
+        here = {path.relative_to(files).as_posix() for path in files.rglob("*") if path.is_file()}
+        assert here <= {*read_of(record), MODEL_WEIGHTS, MODEL_CONFIG}, record.stage
     assert not [path for home in homes for path in home.rglob("*") if path.is_file() and holds_a_key(path)]
 
 

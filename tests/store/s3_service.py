@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -9,14 +10,21 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import boto3
-
 BUCKET = "photographs"
 KEYS = {
     "AWS_ACCESS_KEY_ID": "tester",
     "AWS_SECRET_ACCESS_KEY": "a-secret-that-no-log-may-hold",
     "AWS_REGION": "us-east-1",
 }
+# The bucket is there before the port is open, as it is where a service comes back
+_SERVER = f"""
+import sys
+from moto.core import DEFAULT_ACCOUNT_ID
+from moto.s3.models import s3_backends
+from moto.server import main
+s3_backends[DEFAULT_ACCOUNT_ID]["aws"].create_bucket("{BUCKET}", "us-east-1")
+main(["-H", "127.0.0.1", "-p", sys.argv[1]])
+"""
 
 
 def free_port() -> int:
@@ -26,23 +34,22 @@ def free_port() -> int:
 
 
 @contextmanager
-def s3_service(port: int | None = None) -> Iterator[str]:
-    """Run the service; yield its address. What it holds is gone with it."""
+def s3_service(port: int | None = None, free_actions: int | None = None) -> Iterator[str]:
+    """Run the service; yield its address. What it holds is gone with it.
+
+    free_actions: how many requests need no rights; then it asks for them as IAM does.
+    """
     port = port or free_port()
-    command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+    command = [sys.executable, "-c", _SERVER, str(port)]
+    limited = {} if free_actions is None else {"INITIAL_NO_AUTH_ACTION_COUNT": str(free_actions)}
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **limited}
+    ) as server:
         try:
             _wait(port)
-            address = f"http://127.0.0.1:{port}"
-            make_bucket(address)
-            yield address
+            yield f"http://127.0.0.1:{port}"
         finally:
             server.kill()
-
-
-def make_bucket(address: str) -> None:
-    keys = {"aws_access_key_id": KEYS["AWS_ACCESS_KEY_ID"], "aws_secret_access_key": KEYS["AWS_SECRET_ACCESS_KEY"]}
-    boto3.client("s3", endpoint_url=address, region_name="us-east-1", **keys).create_bucket(Bucket=BUCKET)
 
 
 def _wait(port: int) -> None:

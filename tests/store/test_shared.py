@@ -13,7 +13,7 @@ import obstore
 import pytest
 
 from aug3d_core.run.errors import StoreError
-from aug3d_core.run.files import FILES
+from aug3d_core.run.files import FILES, LOG
 from aug3d_core.store import bucket as bucket_module
 from aug3d_core.store import layout
 from aug3d_core.store import lease as lease_module
@@ -22,10 +22,19 @@ from aug3d_core.store.damage import DamagedError
 from aug3d_core.store.lease import lease
 from aug3d_core.store.published import publish, published
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import new_version, scenes, share_version, version_metrics, versions, write_metrics
+from aug3d_core.store.scenes import (
+    bring_report,
+    bring_versions,
+    new_version,
+    scenes,
+    share_version,
+    version_metrics,
+    versions,
+    write_metrics,
+)
 from aug3d_core.store.store import Store
 from tests.store.s3_service import KEYS, s3_service
-from tests.store.test_store import commit
+from tests.store.test_store import FIELDS, commit
 from tests.tests_support import flip
 
 NEVER: Callable[[], bool] = lambda: False  # noqa: E731
@@ -129,15 +138,20 @@ def test_an_object_made_before_there_was_a_store_is_shared_when_it_is_used(
 def test_versions_and_what_is_published_are_seen_by_all(tmp_path: Path, shared: str) -> None:
     maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
     assert scenes(other) == []
+    other = Store(tmp_path / "other")
     version = new_version(maker, "hill")
     (version / layout.REPORT).write_text("<p>a report")
     write_metrics(version, {"scene": "hill", "state": "ok"})
     assert scenes(other) == [], "it counts from the moment that it is shared"
-    share_version(maker, version)
+    share_version(maker, version, [])
     publish(maker, "hill", version)
+    assert scenes(other) == [], "a command, and a run, looks once"
+    other = Store(tmp_path / "other")
     assert scenes(other) == ["hill"]
     [found] = versions(other, "hill")
-    assert (found.name, (found / layout.REPORT).read_text()) == (version.name, "<p>a report")
+    assert found.name == version.name and not (found / layout.REPORT).exists(), "what nobody reads is not brought"
+    bring_report(other, found)
+    assert (found / layout.REPORT).read_text() == "<p>a report"
     assert version_metrics(found)["state"] == "ok"
     assert published(other, "hill") == found
 
@@ -285,8 +299,9 @@ def test_a_bucket_that_is_not_there_is_told_before_anything_is_made(
     tmp_path: Path, bucket: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AUG3D_STORE", "s3://no-such-bucket/x")
-    with pytest.raises(StoreError, match="there is no bucket of the store s3://no-such-bucket/x"):
-        Store(tmp_path).find("photos", "k1")
+    for ask in (lambda: Store(tmp_path).find("photos", "k1"), lambda: versions(Store(tmp_path), "hill")):
+        with pytest.raises(StoreError, match="there is no bucket of the store s3://no-such-bucket/x"):
+            ask()
 
 
 def test_work_that_never_got_a_record_is_not_seen(tmp_path: Path, shared: str) -> None:
@@ -298,3 +313,78 @@ def test_work_that_never_got_a_record_is_not_seen(tmp_path: Path, shared: str) -
     assert other.find("photos", "k1") is None
     assert commit(other) == made.model_copy(update={"files": other.find("photos", "k1").files})  # type: ignore[union-attr]
     assert (other.object_dir("photos", "k1") / FILES / "sub" / "a.txt").exists()
+
+
+def a_version(store: Store, scene: str, **told: object) -> Path:
+    version = new_version(store, scene)
+    (version / layout.REPORT).write_text("<p>a report")
+    write_metrics(version, {"scene": scene, "state": "ok", **told})
+    share_version(store, version, [])
+    return version
+
+
+def test_one_look_at_the_versions_is_enough_for_a_command(tmp_path: Path, shared: str) -> None:
+    maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
+    for scene in ("hill", "vale", "hill"):
+        publish(maker, scene, a_version(maker, scene))
+    before = other.traffic()
+    assert scenes(other) == ["hill", "vale"]
+    assert [len(versions(other, scene)) for scene in ("hill", "vale", "hill")] == [2, 1, 2]
+    asked = other.traffic().since(before)
+    assert asked.requests == {"list": 1, "get": 3 + 2}, "the figures of each version, what is published, and no report"
+    a_version(maker, "vale")
+    assert len(versions(other, "vale")) == 1
+    bring_versions(other, "vale")
+    assert len(versions(other, "vale")) == 2
+    before = other.traffic()
+    bring_versions(other)
+    asked = other.traffic().since(before)
+    assert (asked.requests, asked.bytes_down) == ({"list": 1}, 0), "what is here already is not asked for"
+
+
+def test_what_was_asked_is_counted_to_the_byte(tmp_path: Path, shared: str) -> None:
+    maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
+    before = maker.traffic()
+    made = commit(maker)
+    size = made.size_bytes
+    log = (maker.object_dir("photos", "k1") / LOG).stat().st_size
+    put = maker.traffic().since(before)
+    record = (maker.object_dir("photos", "k1") / layout.RECORD).stat().st_size
+    assert put.requests == {"head": 1, "put": 3, "list": 1}, "blob, log, record; and a look at the marks"
+    assert (put.bytes_up, put.bytes_down) == (size + log + record, 0)
+    before = other.traffic()
+    assert other.find("photos", "k1") == made
+    assert other.traffic().since(before).bytes_down == record
+    before = other.traffic()
+    read(other, made)
+    asked = other.traffic().since(before)
+    assert (asked.requests, asked.bytes_down) == ({"get": len(made.files)}, size)
+    before = other.traffic()
+    read(other, made)
+    assert other.traffic().since(before).told() == {"requests": {}, "mib_up": 0.0, "mib_down": 0.0}
+
+
+def test_a_large_file_goes_up_in_parts_that_are_counted(tmp_path: Path, bucket: str) -> None:
+    place, file = Bucket(bucket), tmp_path / "large"
+    file.write_bytes(bytes(11 * 2**20))
+    place.put("large", file)
+    assert place.tally.traffic().requests == {"put": 1 + 3 + 1} and place.tally.traffic().bytes_up == 11 * 2**20
+    assert place.download("large", tmp_path / "again") and (tmp_path / "again").stat().st_size == 11 * 2**20
+
+
+def test_lists_and_deletes_of_more_than_a_page_are_counted(bucket: str) -> None:
+    place = Bucket(bucket)
+    assert place.names("") == [] and place.tally.traffic().requests == {"list": 1}
+    place.delete([f"name{number}" for number in range(1001)])
+    assert place.tally.traffic().requests["delete"] == 2
+
+
+def test_one_file_is_read_alone(tmp_path: Path, shared: str) -> None:
+    work = (maker := Store(tmp_path / "maker")).work_dir("photos", "k1")
+    (work / FILES).mkdir(parents=True)
+    for name in ("a.txt", "b.txt"):
+        (work / FILES / name).write_text(name)
+    made = maker.commit(work, "photos", "k1", dict(FIELDS))
+    other = Store(tmp_path / "other")
+    assert other.file(made, "b.txt").read_text() == "b.txt"
+    assert not (other.place(made) / "a.txt").exists()

@@ -11,6 +11,7 @@ from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.material import Material
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.stage import Decision, Metric, StageConfig
+from aug3d_core.sfm.files import TRACKS
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
@@ -41,9 +42,9 @@ class Known:
         value = self.metric(stage, name)
         return float(value) if isinstance(value, int | float) else None
 
-    def folder(self, stage: str) -> Path | None:
-        """Return where a stage's files are, None if it is not made."""
-        return self.store.files_dir(self.records[stage]) if stage in self.records else None
+    def folder(self, stage: str, *reads: str) -> Path | None:
+        """Return where the named files of a stage are, None if it is not made."""
+        return self.store.files_dir(self.records[stage], reads) if stage in self.records else None
 
     @property
     def photos(self) -> int | None:
@@ -57,8 +58,9 @@ class Known:
     def training_photos(self) -> tuple[int, int] | None:
         """How many training photographs there are, and how many of them show something of their own; None before the split."""
         from aug3d_core.factory.auto.distinct import training_photos  # with pandas, which most commands do without
+        from aug3d_core.split.files import SPLIT_TABLE
 
-        sfm, grouping = self.folder("sfm"), self.folder("grouping")
+        sfm, grouping = self.folder("sfm", TRACKS), self.folder("grouping", SPLIT_TABLE)
         if sfm is None or grouping is None:
             return None
         return training_photos(sfm, grouping, self.config.training.input_views)
@@ -66,9 +68,9 @@ class Known:
     @cached_property
     def photo_px(self) -> int:
         """The longest side that any photograph is worked on with, px; while none is read, what it is at most."""
-        from aug3d_core.photos.files import read_photos
+        from aug3d_core.photos.files import PHOTO_TABLE, read_photos
 
-        folder = self.folder("photos")
+        folder = self.folder("photos", PHOTO_TABLE)
         if folder is None:
             return self.config.photos.max_px
         return int(read_photos(folder)[["width_px", "height_px"]].to_numpy().max())

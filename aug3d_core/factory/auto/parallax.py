@@ -38,8 +38,8 @@ def known_parallax(known: Known) -> float | None:
     """Return the parallax (px of a packed view) in a scene whose layer between ground and roofs is known, None of others."""
     thickness, sfm, groups = (
         known.figure("dataset", "slab_thickness"),
-        known.folder("sfm"),
-        known.folder("grouping"),
+        known.folder("sfm", VIEWS, POINTS),
+        known.folder("grouping", GROUPS),
     )
     if thickness is None or sfm is None or groups is None:
         return None

@@ -23,5 +23,8 @@ def write_study(store: Store, study: Publication) -> Path:
     study.draw(chart)
     chapters = study.chapters(chart)
     (folder / layout.STUDY_PAGE).write_text(page_of(study, chapters), encoding="utf-8")
+    if store.shared is not None:  # what it names stays there, whoever cleans up
+        store.share_again((stage, key) for stage, key in study.data["objects"])
+        store.shared.share_study(folder)
     tell(store, folder, Part(about=study.about, chapters=chapters))
     return folder

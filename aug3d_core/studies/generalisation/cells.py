@@ -90,7 +90,7 @@ def make_cell(
     else:
         trial = _trained(config, others, make)
         if arm.way == "tuned" and not trial.failure:
-            weights = store.files_dir(trial.records[TRAINING.name]) / MODEL_WEIGHTS
+            weights = store.file(trial.records[TRAINING.name], MODEL_WEIGHTS)
             steps = max(round(TUNED_SHARE * config.steps), 1)
             tuning = {"steps": steps, "warmup_steps": min(config.warmup_steps, steps // 10), "least_gain_db": 0.0}
             trial = _trained(_started(config, str(weights)).model_copy(update=tuning), own, make)
@@ -112,7 +112,7 @@ def _judged(
         if trial.failure:
             return Generalised(cell, Trial(records, trial.failure, trial.cause, trial.at))
         records[f"{EVALUATION.name}{f'_fold{fold}' if fold else ''}"] = trial.records[EVALUATION.name]
-        views = pd.read_parquet(store.files_dir(trial.records[EVALUATION.name]) / TEST_VIEWS)
+        views = pd.read_parquet(store.file(trial.records[EVALUATION.name], TEST_VIEWS))
         tables.append(views.assign(group=views["group"] + FOLD_GROUPS * fold))
     return Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
 

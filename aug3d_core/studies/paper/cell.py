@@ -70,7 +70,7 @@ def make_cell(store: Store, scene: FinishedScene, cell: Cell[PaperArm], make: Ma
     trial = tried(_steps(store, scene, cell, make))
     if trial.failure:
         return PaperResult(cell, trial)
-    views = pd.read_parquet(store.files_dir(trial.records[EVALUATION.name]) / TEST_VIEWS)
+    views = pd.read_parquet(store.file(trial.records[EVALUATION.name], TEST_VIEWS))
     lost = int((~np.isfinite(views["psnr"])).sum())
     if lost:
         return PaperResult(cell, replace(trial, failure=f"the test has no PSNR for {lost} photos"))

@@ -79,7 +79,7 @@ def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
 
 def read_split(store: Store, grouping: Record) -> pd.DataFrame:
     """Return photo_id and role of every view."""
-    return pd.read_parquet(store.files_dir(grouping) / SPLIT_TABLE).loc[:, ["photo_id", "role"]]
+    return pd.read_parquet(store.file(grouping, SPLIT_TABLE)).loc[:, ["photo_id", "role"]]
 
 
 def _record(store: Store, step: str, path: str) -> Record | None:

@@ -23,4 +23,4 @@ def picture_of(store: Store, result: StabilityResult) -> tuple[Path, str] | None
 
 def _first(store: Store, record: Record) -> tuple[Path, str]:
     caption, path = next(iter(record.pictures.items()))
-    return store.files_dir(record) / path, caption
+    return store.file(record, path), caption

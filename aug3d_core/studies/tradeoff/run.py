@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from aug3d_core.factory.walk import Make
+from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.metrics.pooled import pooled, test_views
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
@@ -57,7 +58,9 @@ def _figures(store: Store, trial: Trial, judge: Judge) -> Mapping[str, Metric]:
     if trial.failure or not judged:
         return {}
     tested = judge.stage == TEST_PSNR.stage
-    return pooled([(record, store.files_dir(record)) for record in judged]) if tested else judged[0].metrics
+    return (
+        pooled([(record, store.files_dir(record, [TEST_VIEWS])) for record in judged]) if tested else judged[0].metrics
+    )
 
 
 def _held_out(store: Store, trial: Trial) -> dict[str, float]:
@@ -65,8 +68,8 @@ def _held_out(store: Store, trial: Trial) -> dict[str, float]:
     tests = trial.of([TEST_PSNR.stage])
     if trial.failure or not tests:
         return {}
-    photos = pd.read_parquet(store.files_dir(trial.records["photos"]) / PHOTO_TABLE, columns=["photo_id", "name"])
-    tested = test_views([store.files_dir(record) for record in tests]).merge(photos, on="photo_id")
+    photos = pd.read_parquet(store.file(trial.records["photos"], PHOTO_TABLE), columns=["photo_id", "name"])
+    tested = test_views([store.files_dir(record, [TEST_VIEWS]) for record in tests]).merge(photos, on="photo_id")
     return dict(zip(tested["name"].astype(str), tested["psnr"].astype(float), strict=True))
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def made(**metrics: Any) -> dict[str, Record]:
 class Here(Store):
     """A store whose stages' files lie in folders of their names."""
 
-    def files_dir(self, record: Record) -> Path:
+    def files_dir(self, record: Record, reads: Sequence[str] = ()) -> Path:
         return self.root / record.stage
 
 
