@@ -23,6 +23,8 @@ from flows.refusal import typed_errors
 from flows.serving import MLFLOW, PREFECT, WORKER, Serving, secrets_read, serving_from, with_secret
 from flows.settings import local_environment
 
+ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "2"}  # how often a worker asks for runs
+
 
 def command(name: str) -> list[str]:
     """Return the arguments of Python that a service runs as."""
@@ -47,7 +49,7 @@ def ready_file(home: Path) -> Path:
 
 def settings(name: str, serving: Serving) -> dict[str, str]:
     """Return the environment of a service. What the user set is stronger than this."""
-    own = {PREFECT: _prefect, MLFLOW: _mlflow, WORKER: clients}[name]
+    own = {PREFECT: _prefect, MLFLOW: _mlflow, WORKER: _worker}[name]
     # Nobody watches a terminal here: what happens is read in the pages and in the services' logs.
     told = {"PREFECT_LOGGING_LEVEL": "INFO", "PREFECT_SERVER_LOGGING_LEVEL": "WARNING"}
     return {**local_environment(serving.home), **told, **own(serving)}
@@ -72,6 +74,10 @@ def _mlflow(serving: Serving) -> dict[str, str]:
         own["MLFLOW_DEFAULT_ARTIFACT_ROOT"] = (serving.home / layout.MLFLOW_ARTIFACTS).as_uri()
         own["MLFLOW_SERVE_ARTIFACTS"] = "false"
     return own
+
+
+def _worker(serving: Serving) -> dict[str, str]:
+    return {**clients(serving), **ASKING}
 
 
 def clients(serving: Serving) -> dict[str, str]:

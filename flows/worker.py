@@ -27,7 +27,6 @@ from prefect.client.schemas.filters import (
 )
 from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.client.schemas.sorting import DeploymentSort, FlowRunSort
-from prefect.runner import Runner
 from prefect.states import AwaitingRetry, Cancelled, Crashed
 from prefect.types import DateTime
 
@@ -40,6 +39,7 @@ from aug3d_core.scene_files.files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.deployments import COLLECTION, SCENE, of_collection, of_everything, of_scene
+from flows.pool import BATCH, CPU, GPU, HOME, PoolWorker, make_pool
 from flows.services import tell_ready
 from flows.settings import OURS, home
 from tasks.mlflow_outbox import waiting
@@ -48,7 +48,6 @@ from tasks.tracking import flush
 
 RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
 _LOOK_EVERY_S = 5.0
-_ASK_EVERY_S = 2.0
 _TELL_EVERY_S = 30.0
 CANCELLED_WITHIN_S = 30.0
 _PAGE = 200  # the most that Prefect tells at a time
@@ -69,23 +68,22 @@ def main() -> None:
 
 
 async def _work(store: Store) -> None:
-    runner = Runner(name="aug3d", limit=RUNS_AT_ONCE, query_seconds=_ASK_EVERY_S, pause_on_shutdown=False)
-    async for deployment in of_everything():
-        await runner.aadd_deployment(deployment)
-    known = await register(runner, store, None)
     async with get_client() as client:
+        await make_pool(client)
+        async for deployment in of_everything():
+            await deployment.aapply()
+        known = await register(store, None)
         await take_over(client, store)
         await one_of_the_missed(client, store)
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
-    watching = asyncio.create_task(_watch(runner, store, known))
-    telling = asyncio.create_task(_tell_mlflow(store))
-    serving = asyncio.create_task(runner.start())
-    await asyncio.sleep(0)  # the runner has set its own handler now
+    workers = PoolWorker(store.root, (CPU, GPU, HOME), RUNS_AT_ONCE), PoolWorker(store.root, (BATCH,), 1)
+    tasks = [asyncio.create_task(work) for work in (_watch(store, known), _tell_mlflow(store))]
+    tasks += [asyncio.create_task(worker.start()) for worker in workers]
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, _end)
-    await asyncio.wait({watching, telling, serving}, return_when=asyncio.FIRST_COMPLETED)
-    for task in (watching, telling, serving):
+    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
         if task.done():
             task.result()
 
@@ -98,11 +96,11 @@ def _end(*_: object) -> None:
     os._exit(0)
 
 
-async def _watch(runner: Runner, store: Store, known: Known) -> None:
+async def _watch(store: Store, known: Known) -> None:
     async with get_client() as client:
         while True:
             await asyncio.sleep(_LOOK_EVERY_S)
-            known = await register(runner, store, known)
+            known = await register(store, known)
             await end_cancelled(client, store)
 
 
@@ -114,7 +112,7 @@ async def _tell_mlflow(store: Store) -> None:
         await asyncio.sleep(_TELL_EVERY_S)
 
 
-async def register(runner: Runner, store: Store, known: Known | None) -> Known:
+async def register(store: Store, known: Known | None) -> Known:
     """Bring Prefect's deployments to what the registry says; `known` is what it said before.
 
     A scene whose file is wrong keeps its deployment as it was: the file is named, and its runs say the same.
@@ -127,9 +125,9 @@ async def register(runner: Runner, store: Store, known: Known | None) -> Known:
             continue
         try:
             if isinstance(entry, SceneEntry):
-                await runner.aadd_deployment(await of_scene(name, entry))
+                await (await of_scene(name, entry)).aapply()
             elif isinstance(entry, CollectionEntry):
-                await runner.aadd_deployment(await of_collection(name.removeprefix(_OF_COLLECTION), entry))
+                await (await of_collection(name.removeprefix(_OF_COLLECTION), entry)).aapply()
             else:
                 print(entry, flush=True)
         except Aug3dError as error:
@@ -172,7 +170,7 @@ async def take_over(client: PrefectClient, store: Store) -> None:
 
 
 async def end_cancelled(client: PrefectClient, store: Store) -> None:
-    """End what the runner should have: it no longer hears of cancelling once Prefect was away for some seconds."""
+    """End what Prefect's own worker should have: it no longer hears of cancelling once Prefect was away for some seconds."""
     for run in await _runs(client, store, StateType.CANCELLING):
         if run.state and run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
             continue

@@ -23,6 +23,15 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
+    from flows.pool import make_pool
+
+    async def pool() -> None:
+        from prefect.client.orchestration import get_client
+
+        async with get_client() as client:
+            await make_pool(client)
+
+    run(pool())
     monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
     return Store(tmp_path)
 
@@ -45,8 +54,6 @@ async def deployments() -> dict[str, Any]:
 def test_deployments_follow_the_registry(
     store: Store, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from prefect.runner import Runner
-
     from flows import worker
     from flows.worker import register
 
@@ -55,12 +62,11 @@ def test_deployments_follow_the_registry(
     write_scene(store, "two", scene(settings={"training": {"steps": 77}}, tags=("old",)))
 
     async def follow() -> tuple[dict[str, Any], ...]:
-        runner = Runner(name="aug3d")
-        known = await register(runner, store, None)
+        known = await register(store, None)
         before = await deployments()
         remove_scene(store, "one")
         scene_file(store, "two").write_text("photos: null\npreset: huge\n")
-        await register(runner, store, known)
+        await register(store, known)
         return before, await deployments()
 
     before, after = run(follow())
