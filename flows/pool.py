@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import os
+import secrets
+import signal
 import socket
 import sys
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from prefect.client.orchestration import PrefectClient
+import psutil
+from anyio.abc import TaskStatus
+from prefect.client.orchestration import PrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.exceptions import ObjectAlreadyExists
 from prefect.utilities.processutils import command_to_string
-from prefect.workers.process import ProcessJobConfiguration, ProcessWorker
+from prefect.workers.process import ProcessJobConfiguration, ProcessWorker, ProcessWorkerResult
 
-from aug3d_core.run.linux_process import SUPERVISED
+from aug3d_core.collections.files import COLLECTIONS
+from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
+from aug3d_core.scene_files.files import REGISTRY
+from aug3d_core.store.store import Store
+from flows.takeover import in_thread, lease_of, take_over_from_others
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import FlowRun
 
 POOL = "aug3d"
 CPU, GPU = "cpu", "gpu"  # queues of what any machine can do; a scene with the tag gpu goes to that one
 HOME = "home"  # of what only the machine can do that has the scene files and the results of studies
 BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need
-QUEUES = (CPU, GPU, HOME, BATCH)
+REGISTRIES = (REGISTRY, COLLECTIONS)
+RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
+CHOSEN = "AUG3D_QUEUE"
+_LOOK_EVERY_S = 5.0
 
 
 class _Job(ProcessJobConfiguration):
@@ -40,17 +58,116 @@ class PoolWorker(ProcessWorker):
     type = "aug3d"
     job_configuration = _Job
 
-    def __init__(self, home: Path, queues: Iterable[str], limit: int) -> None:
-        """Name the worker by machine, home and queues: the pages show it with each of its runs."""
-        name = f"{socket.gethostname()} {home.name} ({', '.join(queues)})"
+    def __init__(
+        self, store: Store, queues: Iterable[str], limit: int, before: Callable[[], None] = lambda: None
+    ) -> None:
+        """Name the worker by machine, home and queues: the pages show it with each of its runs.
+
+        before: called before each run, from a thread.
+        """
+        name = f"{socket.gethostname()} {store.root.name} ({', '.join(queues)})"
         super().__init__(POOL, list(queues), name, limit=limit, create_pool_if_not_found=False)
+        self._store, self._before = store, before
+
+    async def run(
+        self,
+        flow_run: FlowRun,
+        configuration: ProcessJobConfiguration,
+        task_status: TaskStatus[int] | None = None,
+    ) -> ProcessWorkerResult:
+        """Execute a run, and tell other machines all the while that somebody does."""
+        async with in_thread(_leased(self._store, flow_run)):
+            await asyncio.to_thread(self._before)
+            return await super().run(flow_run, configuration, task_status)
+
+
+def _leased(store: Store, flow_run: FlowRun) -> AbstractContextManager[object]:
+    if store.shared is None:
+        return nullcontext()
+    from aug3d_core.store.lease import lease
+
+    def waiting(host: str) -> None:
+        print(f"{flow_run.name}: waiting for {host}, which executes it", flush=True)
+
+    return lease(store.shared.bucket, lease_of(flow_run.id), lambda: False, waiting, _begin_again)
 
 
 async def make_pool(client: PrefectClient) -> None:
     """Make the pool and its queues where they are not there yet."""
     with suppress(ObjectAlreadyExists):
-        template = ProcessWorker.get_default_base_job_template()
+        template = PoolWorker.get_default_base_job_template()
         await client.create_work_pool(WorkPoolCreate(name=POOL, type=PoolWorker.type, base_job_template=template))
-    for queue in QUEUES:
+    for queue in (CPU, GPU, HOME, BATCH):
         with suppress(ObjectAlreadyExists):
             await client.create_work_queue(queue, work_pool_name=POOL)
+
+
+def chosen_queues() -> tuple[str, ...]:
+    """Return the queues that this machine was told to serve, of those that any machine can; raises UsageError."""
+    chosen = os.environ.get(CHOSEN, "").strip()
+    if chosen not in ("", CPU, GPU):
+        raise UsageError(f"{CHOSEN}={chosen} is no queue", f"set it to {CPU} or {GPU}; without it both are served")
+    return (chosen,) if chosen else (CPU, GPU)
+
+
+def begin(home: Path) -> Store:
+    """Become a worker of a home, and open its store."""
+    if os.environ.get(SUPERVISED):
+        die_with_parent()
+    store = Store(home)
+    store.check_writable()
+    if store.shared is not None:
+        from aug3d_core.store.lease import OWNER
+
+        os.environ[OWNER] = secrets.token_hex(8)
+    return store
+
+
+async def watch_leases(store: Store) -> None:
+    """Take over, again and again, what workers of other machines left when they died."""
+    if store.shared is None:
+        await asyncio.Event().wait()
+        return
+    from aug3d_core.store.lease import Watch
+
+    watch = Watch(store.shared.bucket)
+    async with get_client() as client:
+        while True:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            try:
+                await take_over_from_others(client, store, watch)
+            except StoreError as error:  # the store is away: the next time
+                print(error, flush=True)
+
+
+async def work_until_ended(*work: Awaitable[None]) -> None:
+    """Do all of it until told to end, or until one part ends or fails."""
+    tasks = [asyncio.ensure_future(each) for each in work]
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _end)
+    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
+        if task.done():
+            task.result()
+
+
+def _end(*_: object) -> None:
+    """Kill what runs: its runs stay where they are, and the next worker takes them over."""
+    _kill_runs()
+    os._exit(0)
+
+
+def _begin_again() -> None:
+    """Start anew when another machine has taken a run over, since this one could not be seen: two shall not execute it.
+
+    Prefect is told nothing: the run is the other's.
+    """
+    print("another worker took a run over; what runs here is ended, and the worker starts again", flush=True)
+    _kill_runs()
+    os.execv(sys.executable, sys.orig_argv)
+
+
+def _kill_runs() -> None:
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            child.kill()

@@ -23,6 +23,8 @@ from flows.refusal import typed_errors
 from flows.serving import MLFLOW, PREFECT, WORKER, Serving, secrets_read, serving_from, with_secret
 from flows.settings import local_environment
 
+# Nobody watches a terminal here: what happens is read in the pages and in the services' logs.
+TOLD = {"PREFECT_LOGGING_LEVEL": "INFO", "PREFECT_SERVER_LOGGING_LEVEL": "WARNING"}
 ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "2"}  # how often a worker asks for runs
 
 
@@ -50,9 +52,7 @@ def ready_file(home: Path) -> Path:
 def settings(name: str, serving: Serving) -> dict[str, str]:
     """Return the environment of a service. What the user set is stronger than this."""
     own = {PREFECT: _prefect, MLFLOW: _mlflow, WORKER: _worker}[name]
-    # Nobody watches a terminal here: what happens is read in the pages and in the services' logs.
-    told = {"PREFECT_LOGGING_LEVEL": "INFO", "PREFECT_SERVER_LOGGING_LEVEL": "WARNING"}
-    return {**local_environment(serving.home), **told, **own(serving)}
+    return {**local_environment(serving.home), **TOLD, **own(serving)}
 
 
 def _prefect(serving: Serving) -> dict[str, str]:

@@ -57,7 +57,7 @@ def test_deployments_follow_the_registry(
     from flows import worker
     from flows.worker import register
 
-    monkeypatch.setattr(worker, "_PAGE", 1)
+    monkeypatch.setattr(worker, "PAGE", 1)
     write_scene(store, "one", scene(schedule=Schedule(cron="0 3 * * 1", timezone="Europe/Warsaw")))
     write_scene(store, "two", scene(settings={"training": {"steps": 77}}, tags=("old",)))
 
@@ -96,11 +96,11 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelling, Completed, Running
 
-    from flows import worker
+    from flows import takeover
     from flows.deployments import of_scene
     from tasks.run_locks import run_lock
 
-    monkeypatch.setattr(worker, "_PAGE", 1)
+    monkeypatch.setattr(takeover, "PAGE", 1)
 
     @flow
     def nothing(home: str = "") -> None: ...
@@ -115,7 +115,7 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
             for others in ({"parameters": {"home": "/elsewhere"}, "tags": ["aug3d"]}, {"tags": ["theirs"]}):
                 runs.append(await client.create_flow_run(nothing, state=Running(), **others))
             with run_lock(store.root, str(runs[3].id)):
-                await worker.take_over(client, store)
+                await takeover.take_over(client, store)
             return [(await client.read_flow_run(made.id)).state.name for made in runs]
 
     assert run(ends()) == [
@@ -129,14 +129,14 @@ def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch:
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelling
 
-    from flows import worker
+    from flows import takeover
 
     @flow
     def nothing() -> None: ...
 
     async def state_and_process() -> tuple[str, int | None]:
         async with get_client() as client:
-            await worker.end_cancelled(client, store)
+            await takeover.end_cancelled(client, store)
             return (await client.read_flow_run(made.id)).state.name, process.poll()
 
     async def make() -> Any:
@@ -147,7 +147,7 @@ def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch:
     process = subprocess.Popen(["sleep", "60"], env={**os.environ, "PREFECT__FLOW_RUN_ID": str(made.id)})
     try:
         assert run(state_and_process()) == ("Cancelling", None), "the runner has its time"
-        monkeypatch.setattr(worker, "CANCELLED_WITHIN_S", 0.0)
+        monkeypatch.setattr(takeover, "CANCELLED_WITHIN_S", 0.0)
         assert run(state_and_process())[0] == "Cancelled"
         assert process.wait(60) == -signal.SIGKILL
     finally:
@@ -159,7 +159,7 @@ def test_of_the_missed_runs_one_makes_up_for_all(store: Store) -> None:
     from prefect.client.orchestration import get_client
 
     from flows.deployments import of_scene
-    from flows.worker import one_of_the_missed
+    from flows.takeover import one_of_the_missed
 
     async def scheduled() -> list[tuple[datetime, str]]:
         deployment = await (await of_scene("one", scene(schedule=Schedule(every="10m")))).aapply()
