@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import UsageError
 from aug3d_core.run.limits import limits_from
 from aug3d_core.scene_files.files import REGISTRY
 from aug3d_core.scene_files.mirror import bring
@@ -85,10 +85,7 @@ def check(environment: Mapping[str, str]) -> None:
             f"the Prefect server at {address} cannot be reached: {why}",
             "see --server, and that aug3d up runs there with --host, so that other machines reach it",
         )
-    try:
-        check_servers(environment)
-    except StoreError as error:
-        raise UsageError(error.problem, error.remedy) from error
+    check_servers(environment)
     os.environ[SHARED_VARIABLE] = environment[SHARED_VARIABLE]
     store = Store(Path(environment[HOME]))
     store.check_writable()
