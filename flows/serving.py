@@ -20,7 +20,13 @@ PREFECT, MLFLOW, WORKER = "prefect", "mlflow", "worker"
 LISTENING = "AUG3D_LISTENING"  # the number of a socket that listens already, of the process that started the server
 PASSWORD = "AUG3D_PASSWORD"
 # Each may stand in a file instead, which the same name with _FILE names: addresses of databases hold passwords too
-_SECRETS = (PASSWORD, "PREFECT_API_DATABASE_CONNECTION_URL", "MLFLOW_BACKEND_STORE_URI")
+_SECRETS = (
+    PASSWORD,
+    "PREFECT_API_DATABASE_CONNECTION_URL",
+    "MLFLOW_BACKEND_STORE_URI",
+    "AWS_ACCESS_KEY_ID",
+    "AWS_SECRET_ACCESS_KEY",
+)
 _LEAST_CHARACTERS, _LEAST_DIFFERENT = 12, 5
 _HOME, _HOST, _NAMES = "AUG3D_HOME", "AUG3D_HOST", "AUG3D_NAMES"
 _PREFECT_PORT, _MLFLOW_PORT = "AUG3D_PREFECT_PORT", "AUG3D_MLFLOW_PORT"
