@@ -12,13 +12,20 @@ from prefect.client.orchestration import get_client
 from aug3d_core.scene_files.mirror import bring
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
-from flows.pool import REGISTRIES, RUNS_AT_ONCE, PoolWorker, begin, chosen_queues, watch_leases, work_until_ended
+from flows.pool import (
+    REGISTRIES,
+    RUNS_AT_ONCE,
+    PoolWorker,
+    begin,
+    chosen_queues,
+    watch_cancelled,
+    watch_leases,
+    work_until_ended,
+)
 from flows.services import tell_ready
 from flows.settings import home
-from flows.takeover import end_cancelled, take_over
+from flows.takeover import take_over
 from flows.worker import tell_mlflow
-
-_LOOK_EVERY_S = 5.0
 
 
 def main() -> None:
@@ -34,14 +41,7 @@ async def _work(store: Store, bucket: Bucket) -> None:
     worker = PoolWorker(store, chosen_queues(), RUNS_AT_ONCE, lambda: bring(store, bucket, REGISTRIES))
     tell_ready(store.root)
     print(f"{worker.name} takes runs", flush=True)
-    await work_until_ended(worker.start(), _end_cancelled(store), tell_mlflow(store), watch_leases(store))
-
-
-async def _end_cancelled(store: Store) -> None:
-    async with get_client() as client:
-        while True:
-            await asyncio.sleep(_LOOK_EVERY_S)
-            await end_cancelled(client, store)
+    await work_until_ended(worker.start(), watch_cancelled(store), tell_mlflow(store), watch_leases(store))
 
 
 if __name__ == "__main__":

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import secrets
 import signal
 import socket
 import sys
-from collections.abc import Awaitable, Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import psutil
 from anyio.abc import TaskStatus
+from httpx import HTTPError
 from prefect.client.orchestration import PrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.exceptions import ObjectAlreadyExists
@@ -27,7 +27,7 @@ from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.files import REGISTRY
 from aug3d_core.store.store import Store
-from flows.takeover import in_thread, lease_of, take_over_from_others
+from flows.takeover import end_cancelled, in_thread, lease_of, take_over_from_others
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
@@ -80,6 +80,17 @@ class PoolWorker(ProcessWorker):
             await asyncio.to_thread(self._before)
             return await super().run(flow_run, configuration, task_status)
 
+    async def get_and_submit_flow_runs(self) -> list[FlowRun]:
+        """Ask for runs; without an answer there are none yet, and those at work go on."""
+        with _patient():
+            return await super().get_and_submit_flow_runs()
+        return []
+
+    async def sync_with_backend(self) -> None:
+        """Tell Prefect that this worker lives, if it can be told."""
+        with _patient():
+            await super().sync_with_backend()
+
 
 def _leased(store: Store, flow_run: FlowRun) -> AbstractContextManager[object]:
     if store.shared is None:
@@ -131,13 +142,30 @@ async def watch_leases(store: Store) -> None:
     from aug3d_core.store.lease import Watch
 
     watch = Watch(store.shared.bucket)
+    await again_and_again(lambda client: take_over_from_others(client, store, watch))
+
+
+async def watch_cancelled(store: Store) -> None:
+    """End, again and again, the runs of this worker that were cancelled unheard."""
+    await again_and_again(lambda client: end_cancelled(client, store))
+
+
+async def again_and_again(look: Callable[[PrefectClient], Awaitable[None]]) -> None:
+    """Do something every few seconds. While Prefect or the store is away it waits for them, and what runs goes on."""
     async with get_client() as client:
         while True:
             await asyncio.sleep(_LOOK_EVERY_S)
-            try:
-                await take_over_from_others(client, store, watch)
-            except StoreError as error:  # the store is away: the next time
-                print(error, flush=True)
+            with _patient():
+                await look(client)
+
+
+@contextmanager
+def _patient() -> Iterator[None]:
+    """Take what cannot be reached now for what can be reached later."""
+    try:
+        yield
+    except (HTTPError, StoreError) as error:
+        print(f"{type(error).__name__}: {error}", flush=True)
 
 
 async def work_until_ended(*work: Awaitable[None]) -> None:
@@ -169,5 +197,5 @@ def _begin_again() -> None:
 
 def _kill_runs() -> None:
     for child in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
+        with suppress(psutil.NoSuchProcess):
             child.kill()

@@ -9,13 +9,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Collection
 
-from prefect.client.orchestration import get_client
+from prefect.client.orchestration import PrefectClient, get_client
 from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags
 from prefect.client.schemas.sorting import DeploymentSort
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.run.errors import Aug3dError, StoreError
+from aug3d_core.run.errors import Aug3dError
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each
 from aug3d_core.scene_files.mirror import share
@@ -28,19 +28,20 @@ from flows.pool import (
     REGISTRIES,
     RUNS_AT_ONCE,
     PoolWorker,
+    again_and_again,
     begin,
     chosen_queues,
     make_pool,
+    watch_cancelled,
     watch_leases,
     work_until_ended,
 )
 from flows.services import tell_ready
 from flows.settings import OURS, home
-from flows.takeover import PAGE, end_cancelled, on_all_pages, one_of_the_missed, take_over
+from flows.takeover import PAGE, on_all_pages, one_of_the_missed, take_over
 from tasks.mlflow_outbox import waiting
 from tasks.tracking import flush
 
-_LOOK_EVERY_S = 5.0
 _TELL_EVERY_S = 30.0
 
 Entry = SceneEntry | CollectionEntry
@@ -64,19 +65,16 @@ async def _work(store: Store) -> None:
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
     workers = PoolWorker(store, (*chosen_queues(), HOME), RUNS_AT_ONCE), PoolWorker(store, (BATCH,), 1)
-    services = _watch(store, known), tell_mlflow(store), watch_leases(store)
+    services = _watch_registry(store, known), watch_cancelled(store), watch_leases(store), tell_mlflow(store)
     await work_until_ended(*services, *(worker.start() for worker in workers))
 
 
-async def _watch(store: Store, known: Known) -> None:
-    async with get_client() as client:
-        while True:
-            await asyncio.sleep(_LOOK_EVERY_S)
-            try:
-                known = await register(store, known)
-            except StoreError as error:  # the shared store is away: the next time
-                print(error, flush=True)
-            await end_cancelled(client, store)
+async def _watch_registry(store: Store, known: Known) -> None:
+    async def look(_: PrefectClient) -> None:
+        nonlocal known
+        known = await register(store, known)
+
+    await again_and_again(look)
 
 
 async def tell_mlflow(store: Store) -> None:

@@ -23,6 +23,16 @@ from tests.store.s3_service import BUCKET, KEYS, s3_service
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 
+_FLOW = """
+import os
+from prefect import flow
+from prefect.states import Completed
+
+@flow
+def told():
+    return Completed(message=f"of {os.getppid()}, supervised {os.environ['AUG3D_SUPERVISED']}")
+"""
+
 
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
@@ -285,6 +295,64 @@ def test_what_is_registered_is_known_to_other_machines_and_goes_to_its_queue(
     assert run(queues())["heavy"] == "gpu"
     write_scene(store, "light", scene())
     assert run(register(store, None)) and run(deployments())["light"].work_queue_name == "cpu"
+
+
+def test_what_cannot_be_reached_now_is_asked_again(
+    store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A worker that ended when Prefect is away would take with it what it executes."""
+    import httpx
+
+    from aug3d_core.run.errors import StoreError
+    from flows import pool
+
+    monkeypatch.setattr(pool, "_LOOK_EVERY_S", 0.01)
+    answers = iter(
+        [httpx.ConnectError("refused"), StoreError("the store is away", "wait"), None, ValueError("a mistake")]
+    )
+
+    async def look(_: object) -> None:
+        if (answer := next(answers)) is not None:
+            raise answer
+
+    with pytest.raises(ValueError, match="a mistake"):
+        run(pool.again_and_again(look))
+    assert "refused" in capsys.readouterr().out
+
+
+def test_a_worker_executes_a_run_under_its_lease(
+    shared: Bucket, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run's process is one of its own, and dies with the worker's."""
+    from prefect.client.orchestration import get_client
+    from prefect.types.entrypoint import EntrypointType
+
+    from flows.pool import HOME, POOL, PoolWorker
+
+    (tmp_path / "flow_of_a_test.py").write_text(_FLOW)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])]))
+    brought: list[str] = []
+
+    async def executed() -> tuple[Any, list[str]]:
+        import flow_of_a_test  # type: ignore[import-not-found]
+
+        made = await flow_of_a_test.told.ato_deployment(
+            "told", work_pool_name=POOL, work_queue_name=HOME, entrypoint_type=EntrypointType.MODULE_PATH
+        )
+        deployment = await made.aapply()
+        async with get_client() as client:
+            run = await client.create_flow_run_from_deployment(deployment)
+        worker = PoolWorker(store, (HOME,), 1, lambda: brought.append(",".join(shared.names("leases/runs/"))))
+        await worker.start(run_once=True)
+        async with get_client() as client:
+            return await client.read_flow_run(run.id), brought
+
+    done, leases = run(executed())
+    assert done.state.is_completed(), done.state.message
+    assert f"of {os.getpid()}, supervised 1" in done.state.message
+    assert leases == [f"leases/runs/{done.id}/00000000"] and shared.names("leases/") == []
+    assert "(home)" in done.labels["prefect.worker.name"]
 
 
 def test_of_the_missed_runs_one_makes_up_for_all(store: Store) -> None:
