@@ -60,15 +60,21 @@ class Team:
         """Return a flow run as it is now."""
         return self.ask(f"flow_runs/{flow_run}")
 
+    def end_of(self, flow_run: str, seconds: float) -> dict[str, Any]:
+        """Wait for a flow run to end, and return its last state."""
+        self.wait(lambda: self.run(flow_run)["end_time"] is not None, seconds, "the batch ends")
+        return self.run(flow_run)["state"]
+
     def scenes(self) -> dict[str, dict[str, Any]]:
         """Return the runs of scenes, by scene."""
         runs = self.ask("flow_runs/filter", {})
         return {run["parameters"]["scene"]: run for run in runs if "scene" in run["parameters"]}
 
-    def join(self, name: str) -> None:
-        """Start a worker with a home of its own, and wait until it takes runs."""
+    def join(self, name: str, core: int | None = None) -> None:
+        """Start a worker with a home of its own, on one core if one is named, and wait until it takes runs."""
         words = [AUG3D, "worker", "--server", self.server, "--home", str(self.folder / name)]
-        self.workers[name] = self._begin(name, words, {"PREFECT_API_AUTH_STRING": f"admin:{self.token}"})
+        pinned = [] if core is None else ["taskset", "-c", str(core)]
+        self.workers[name] = self._begin(name, [*pinned, *words], {"PREFECT_API_AUTH_STRING": f"admin:{self.token}"})
         self.wait(lambda: "takes runs" in self.log(name), 120, f"{name} takes runs", self.workers[name])
 
     def log(self, name: str) -> str:

@@ -15,9 +15,7 @@ SCENES = {f"town{number}": {"training": {"steps": 10 + number}} for number in ra
 
 def test_a_batch_is_spread_and_each_object_is_made_once(own_environment: None, tmp_path: Path) -> None:
     with team(tmp_path, SCENES, ("one", "two")) as workers:
-        batch = workers.start_all()
-        workers.wait(lambda: workers.run(batch)["end_time"] is not None, 600, "the batch ends")
-        ended = workers.run(batch)["state"]
+        ended = workers.end_of(workers.start_all(), 600)
         assert (ended["type"], ended["message"]) == ("COMPLETED", "3 scenes are up to date")
         runs = workers.scenes()
         assert {scene: run["state"]["name"] for scene, run in runs.items()} == dict.fromkeys(SCENES, "Published")
