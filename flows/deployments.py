@@ -17,8 +17,9 @@ from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.schedule import Schedule as When
 from flows.collection_run import train_collection
-from flows.pool import BATCH, CPU, GPU, HOME, POOL
+from flows.pool import BATCH, HOME, POOL
 from flows.regenerate import batch, regenerate
+from flows.serving import CPU, GPU
 from flows.settings import OURS
 from flows.study_run import stability, study_scene, tradeoff
 

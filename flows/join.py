@@ -22,7 +22,7 @@ from flows.guard import USER
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.services import ASKING, TOLD, ready_file
-from flows.serving import PASSWORD, secrets_read
+from flows.serving import PASSWORD, QUEUE, secrets_read
 from flows.settings import HOME, local_environment
 from tasks.ping import unreachable
 
@@ -39,9 +39,7 @@ def worker(
     ] = "",
     queue: Annotated[
         Literal["cpu", "gpu"] | None,
-        typer.Option(
-            envvar="AUG3D_QUEUE", help="Take only these runs; gpu: scenes with the tag gpu. Without it, both."
-        ),
+        typer.Option(envvar=QUEUE, help="Take only these runs; gpu: scenes with the tag gpu. Without it, both."),
     ] = None,
     home: Annotated[Path, typer.Option(envvar=HOME, help="Folder of this machine for what it makes and reads.")] = Path(
         "aug3d_data"
@@ -70,7 +68,7 @@ def joined(environment: Mapping[str, str], server: str, store: str, queue: str |
         if environment.get(_MLFLOW):
             own |= {"MLFLOW_TRACKING_USERNAME": USER, "MLFLOW_TRACKING_PASSWORD": password}
     if queue:
-        own["AUG3D_QUEUE"] = queue
+        own[QUEUE] = queue
     return {**local_environment(home), **TOLD, **ASKING, **environment, **own}
 
 

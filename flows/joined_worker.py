@@ -6,6 +6,7 @@ It knows the scenes from the shared store, and registers none.
 from __future__ import annotations
 
 import asyncio
+import os
 
 from prefect.client.orchestration import get_client
 
@@ -17,12 +18,12 @@ from flows.pool import (
     RUNS_AT_ONCE,
     PoolWorker,
     begin,
-    chosen_queues,
     watch_cancelled,
     watch_leases,
     work_until_ended,
 )
 from flows.services import tell_ready
+from flows.serving import queues_from
 from flows.settings import home
 from flows.takeover import take_over
 from flows.worker import tell_mlflow
@@ -38,7 +39,7 @@ def main() -> None:
 async def _work(store: Store, bucket: Bucket) -> None:
     async with get_client() as client:
         await take_over(client, store)
-    worker = PoolWorker(store, chosen_queues(), RUNS_AT_ONCE, lambda: bring(store, bucket, REGISTRIES))
+    worker = PoolWorker(store, queues_from(os.environ), RUNS_AT_ONCE, lambda: bring(store, bucket, REGISTRIES))
     tell_ready(store.root)
     print(f"{worker.name} takes runs", flush=True)
     await work_until_ended(worker.start(), watch_cancelled(store), tell_mlflow(store), watch_leases(store))

@@ -23,22 +23,21 @@ from prefect.utilities.processutils import command_to_string
 from prefect.workers.process import ProcessJobConfiguration, ProcessWorker, ProcessWorkerResult
 
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import StoreError
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.files import REGISTRY
 from aug3d_core.store.store import Store
+from flows.serving import CPU, GPU
 from flows.takeover import end_cancelled, in_thread, lease_of, take_over_from_others
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
 
 POOL = "aug3d"
-CPU, GPU = "cpu", "gpu"  # queues of what any machine can do; a scene with the tag gpu goes to that one
-HOME = "home"  # of what only the machine can do that has the scene files and the results of studies
+HOME = "home"  # queue of what only the machine can do that has the scene files and the results of studies
 BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need
 REGISTRIES = (REGISTRY, COLLECTIONS)
 RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
-CHOSEN = "AUG3D_QUEUE"
 _LOOK_EVERY_S = 5.0
 
 
@@ -111,14 +110,6 @@ async def make_pool(client: PrefectClient) -> None:
     for queue in (CPU, GPU, HOME, BATCH):
         with suppress(ObjectAlreadyExists):
             await client.create_work_queue(queue, work_pool_name=POOL)
-
-
-def chosen_queues() -> tuple[str, ...]:
-    """Return the queues that this machine was told to serve, of those that any machine can; raises UsageError."""
-    chosen = os.environ.get(CHOSEN, "").strip()
-    if chosen not in ("", CPU, GPU):
-        raise UsageError(f"{CHOSEN}={chosen} is no queue", f"set it to {CPU} or {GPU}; without it both are served")
-    return (chosen,) if chosen else (CPU, GPU)
 
 
 def begin(home: Path) -> Store:

@@ -20,7 +20,7 @@ from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 from flows.guard import USER
 from flows.refusal import typed_errors
-from flows.serving import MLFLOW, PREFECT, WORKER, Serving, secrets_read, serving_from, with_secret
+from flows.serving import MLFLOW, PREFECT, WORKER, Serving, queues_from, secrets_read, serving_from, with_secret
 from flows.settings import local_environment
 
 # Nobody watches a terminal here: what happens is read in the pages and in the services' logs.
@@ -108,6 +108,7 @@ def service(words: Annotated[list[str], typer.Argument(metavar=f"[check] {PREFEC
 
 def _become(name: str, serving: Serving) -> None:
     limits_from(os.environ)  # which the worker's stages have
+    queues_from(os.environ)
     if SUPERVISED in os.environ:
         die_with_parent()
     serving = with_secret(serving)

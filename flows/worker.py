@@ -7,6 +7,7 @@ worker left half done, killed or with the machine, it starts again: finished ste
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Collection
 
 from prefect.client.orchestration import PrefectClient, get_client
@@ -30,13 +31,13 @@ from flows.pool import (
     PoolWorker,
     again_and_again,
     begin,
-    chosen_queues,
     make_pool,
     watch_cancelled,
     watch_leases,
     work_until_ended,
 )
 from flows.services import tell_ready
+from flows.serving import queues_from
 from flows.settings import OURS, home
 from flows.takeover import PAGE, on_all_pages, one_of_the_missed, take_over
 from tasks.mlflow_outbox import waiting
@@ -64,7 +65,7 @@ async def _work(store: Store) -> None:
         await one_of_the_missed(client, store)
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
-    workers = PoolWorker(store, (*chosen_queues(), HOME), RUNS_AT_ONCE), PoolWorker(store, (BATCH,), 1)
+    workers = PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE), PoolWorker(store, (BATCH,), 1)
     services = _watch_registry(store, known), watch_cancelled(store), watch_leases(store), tell_mlflow(store)
     await work_until_ended(*services, *(worker.start() for worker in workers))
 
