@@ -29,6 +29,7 @@ from flows.collections import collections
 from flows.compare import compare_runs
 from flows.gc import gc
 from flows.hand_on import export_groups
+from flows.join import worker
 from flows.plan import checked_plan, following, nothing_to_do
 from flows.predict import predict
 from flows.preflight import check_servers
@@ -268,6 +269,7 @@ def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
 app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)
+app.command()(worker)
 app.command()(gc)
 app.command()(verify)
 app.add_typer(scenes, name="scenes")

@@ -17,7 +17,9 @@ from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.schedule import Schedule as When
 from flows.collection_run import train_collection
+from flows.pool import BATCH, HOME, POOL
 from flows.regenerate import batch, regenerate
+from flows.serving import CPU, GPU
 from flows.settings import OURS
 from flows.study_run import stability, study_scene, tradeoff
 
@@ -68,6 +70,7 @@ async def of_scene(scene: str, entry: SceneEntry) -> RunnerDeployment:
     return await _deployment(
         regenerate,
         name=scene,
+        queue=GPU if GPU in entry.tags else CPU,
         parameters={"scene": freeze(scene), "settings": entry.config().model_dump(mode="json")},
         schedules=[_schedule(entry.schedule)] if entry.schedule else [],
         tags=[SCENE, entry.preset, *entry.tags],
@@ -86,6 +89,7 @@ async def of_collection(name: str, entry: CollectionEntry) -> RunnerDeployment:
     return await _deployment(
         train_collection,
         name=name,
+        queue=CPU,
         parameters={"collection": freeze(name)},
         schedules=[_schedule(entry.schedule)] if entry.schedule else [],
         tags=[COLLECTION, entry.preset],
@@ -98,12 +102,14 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
     yield await _deployment(
         batch,
         name="all scenes",
-        description="Makes scenes again, one after the other, each as far as something changed.",
+        queue=BATCH,
+        description="Makes scenes again, each as far as something changed, and as many at once as workers take.",
     )
     for study, name, given, description in _STUDIES:
         yield await _deployment(
             study,
             name=name,
+            queue=HOME,
             parameters=given,
             tags=["study"],
             description=description,
@@ -113,6 +119,7 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
 async def _deployment(
     flow: Flow[..., State],
     name: str,
+    queue: str,
     description: str,
     parameters: Mapping[str, Any] = {},
     tags: Sequence[str] = (),
@@ -126,6 +133,8 @@ async def _deployment(
         description=description,
         concurrency_limit=_ONE_AT_A_TIME,
         entrypoint_type=EntrypointType.MODULE_PATH,
+        work_pool_name=POOL,
+        work_queue_name=queue,
     )
     fields = made._parameter_openapi_schema.model_dump(exclude_unset=True)
     made._parameter_openapi_schema = _Closed(**fields, additionalProperties=False)  # Prefect sends only what is set

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
+from uuid import UUID
 
-from prefect import flow, tags
-from prefect.client.schemas.objects import State
+from prefect import Flow, flow
+from prefect.client.orchestration import SyncPrefectClient, get_client
+from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterParentFlowRunId
+from prefect.client.schemas.objects import FlowRun, State
+from prefect.deployments import run_deployment
+from prefect.exceptions import ObjectNotFound
+from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 from pydantic import Field
 
@@ -23,7 +30,8 @@ from aug3d_core.store.store import Store
 from aug3d_core.store.traffic import Traffic
 from flows.factory import beside_published, make_version
 from flows.plan import made_of_the_same
-from flows.settings import OURS, home
+from flows.settings import home
+from flows.takeover import cancel_started, unfinished
 from tasks import artifacts
 from tasks.progress import listening
 from tasks.run_locks import run_lock
@@ -31,6 +39,8 @@ from tasks.tracking import publish_model
 
 # Names of a flow run's last state
 UNCHANGED, PUBLISHED, TRIED, NOT_PUBLISHED = "Unchanged", "Published", "Tried", "NotPublished"
+_ASK_EVERY_S = 5.0
+_AT_ONCE = 100  # runs asked for in one request
 
 
 @flow(name="regenerate", flow_run_name="{scene}")
@@ -64,13 +74,17 @@ def regenerate(
         return _publish(store, scene, entry, settings, metrics)
 
 
-@flow(name="regenerate scenes", flow_run_name="scenes {scenes}")
+async def cancel_parts(flow: Flow[..., Any], flow_run: FlowRun, state: State) -> None:
+    """Cancel the runs that a batch started, as Prefect cancels the batch itself."""
+    async with get_client() as client:
+        await cancel_started(client, flow_run.id)
+
+
+@flow(name="regenerate scenes", flow_run_name="scenes {scenes}", on_cancellation=[cancel_parts])
 def batch(
-    scenes: Annotated[
-        list[str], Field(description="Registered scenes, one after the other; leave empty for all.")
-    ] = [],
+    scenes: Annotated[list[str], Field(description="Registered scenes; leave empty for all.")] = [],
 ) -> State:
-    """Regenerate several scenes, each where something changed; a failed scene does not stop the others."""
+    """Regenerate several scenes, each in a run of its own that any worker takes; a failed scene does not stop the others."""
     store = Store(home())
     with run_lock(store.root):
         known = read_each(store)
@@ -79,8 +93,7 @@ def batch(
             raise UsageError(
                 f"scene {shown(unknown[0])} is not registered", f"registered scenes: {', '.join(known) or 'none yet'}"
             )
-        with tags(OURS):  # subflow runs do not inherit tags
-            ends = {scene: _regenerated(scene, known[scene]) for scene in scenes or known}
+        ends = _regenerated({scene: known[scene] for scene in scenes or known})
     artifacts.publish_batch({scene: (state.name or "", state.message or "") for scene, state in ends.items()})
     bad = [scene for scene, state in ends.items() if not state.is_completed()]
     if bad:
@@ -88,13 +101,51 @@ def batch(
     return Completed(message=f"{len(ends)} scenes are up to date")
 
 
-def _regenerated(scene: str, entry: SceneEntry | Aug3dError) -> State:
+def _regenerated(scenes: Mapping[str, SceneEntry | Aug3dError]) -> dict[str, State]:
+    """Start a run for each scene, and return in which states they end. Runs that an earlier try left are waited for."""
+    with get_client(sync_client=True) as client:
+        left = _left(client)
+        begun = {scene: left.get(scene) or _started(scene, entry) for scene, entry in scenes.items()}
+        ends = _ends(client, [run.id for run in begun.values() if isinstance(run, FlowRun)])
+    return {scene: ends[run.id] if isinstance(run, FlowRun) else run for scene, run in begun.items()}
+
+
+def _left(client: SyncPrefectClient) -> dict[str, FlowRun]:
+    """Return the runs that this batch started before its process ended, and that have not ended, by scene."""
+    mine = FlowRunFilterParentFlowRunId(any_=[UUID(str(flow_run.get_id()))])
+    chosen, runs = FlowRunFilter(parent_flow_run_id=mine, state=unfinished()), []
+    while more := client.read_flow_runs(flow_run_filter=chosen, limit=_AT_ONCE, offset=len(runs)):
+        runs += more
+    return {str(run.parameters.get("scene")): run for run in runs}
+
+
+def _ends(client: SyncPrefectClient, runs: Sequence[UUID]) -> dict[UUID, State]:
+    """Wait for runs to end, and return their last states."""
+    ends: dict[UUID, State] = {}
+    while waiting := [run for run in runs if run not in ends]:
+        time.sleep(_ASK_EVERY_S)
+        for start in range(0, len(waiting), _AT_ONCE):
+            asked = waiting[start : start + _AT_ONCE]
+            found = client.read_flow_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=asked)), limit=_AT_ONCE)
+            states = {run.id: run.state for run in found}
+            now = {run: states.get(run, Failed(message="its run was deleted")) for run in asked}
+            ends |= {run: state for run, state in now.items() if state and state.is_final()}
+    return ends
+
+
+def _started(scene: str, entry: SceneEntry | Aug3dError) -> FlowRun | State:
+    """Start a scene's run on whichever worker takes it; return the state in which it ends at once if its file is wrong."""
     try:
         if isinstance(entry, Aug3dError):
             raise entry
-        return regenerate(scene, entry.config(), return_state=True)
-    except Aug3dError as error:  # its own file is wrong
+        given = {"scene": scene, "settings": entry.config().model_dump(mode="json")}
+        return cast(FlowRun, run_deployment(f"{regenerate.name}/{scene}", parameters=given, timeout=0))
+    except Aug3dError as error:
         return Failed(message=f"{error.problem} -> {error.remedy}")
+    except ObjectNotFound:
+        return Failed(
+            message="Prefect does not know it yet -> start it again: the worker registers new scenes in seconds"
+        )
 
 
 def _make(

@@ -20,8 +20,12 @@ from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.store import layout
 from flows.guard import USER
 from flows.refusal import typed_errors
-from flows.serving import MLFLOW, PREFECT, WORKER, Serving, secrets_read, serving_from, with_secret
+from flows.serving import MLFLOW, PREFECT, WORKER, Serving, queues_from, secrets_read, serving_from, with_secret
 from flows.settings import local_environment
+
+# Nobody watches a terminal here: what happens is read in the pages and in the services' logs.
+TOLD = {"PREFECT_LOGGING_LEVEL": "INFO", "PREFECT_SERVER_LOGGING_LEVEL": "WARNING"}
+ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "2"}  # how often a worker asks for runs
 
 
 def command(name: str) -> list[str]:
@@ -47,10 +51,8 @@ def ready_file(home: Path) -> Path:
 
 def settings(name: str, serving: Serving) -> dict[str, str]:
     """Return the environment of a service. What the user set is stronger than this."""
-    own = {PREFECT: _prefect, MLFLOW: _mlflow, WORKER: clients}[name]
-    # Nobody watches a terminal here: what happens is read in the pages and in the services' logs.
-    told = {"PREFECT_LOGGING_LEVEL": "INFO", "PREFECT_SERVER_LOGGING_LEVEL": "WARNING"}
-    return {**local_environment(serving.home), **told, **own(serving)}
+    own = {PREFECT: _prefect, MLFLOW: _mlflow, WORKER: _worker}[name]
+    return {**local_environment(serving.home), **TOLD, **own(serving)}
 
 
 def _prefect(serving: Serving) -> dict[str, str]:
@@ -72,6 +74,10 @@ def _mlflow(serving: Serving) -> dict[str, str]:
         own["MLFLOW_DEFAULT_ARTIFACT_ROOT"] = (serving.home / layout.MLFLOW_ARTIFACTS).as_uri()
         own["MLFLOW_SERVE_ARTIFACTS"] = "false"
     return own
+
+
+def _worker(serving: Serving) -> dict[str, str]:
+    return {**clients(serving), **ASKING}
 
 
 def clients(serving: Serving) -> dict[str, str]:
@@ -102,6 +108,7 @@ def service(words: Annotated[list[str], typer.Argument(metavar=f"[check] {PREFEC
 
 def _become(name: str, serving: Serving) -> None:
     limits_from(os.environ)  # which the worker's stages have
+    queues_from(os.environ)
     if SUPERVISED in os.environ:
         die_with_parent()
     serving = with_secret(serving)

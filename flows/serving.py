@@ -17,10 +17,18 @@ from aug3d_core.store import layout
 from flows.guard import TOKEN, USER, Door
 
 PREFECT, MLFLOW, WORKER = "prefect", "mlflow", "worker"
+CPU, GPU = "cpu", "gpu"  # queues of runs that any machine can do; a scene with the tag gpu goes to that one
+QUEUE = "AUG3D_QUEUE"
 LISTENING = "AUG3D_LISTENING"  # the number of a socket that listens already, of the process that started the server
 PASSWORD = "AUG3D_PASSWORD"
 # Each may stand in a file instead, which the same name with _FILE names: addresses of databases hold passwords too
-_SECRETS = (PASSWORD, "PREFECT_API_DATABASE_CONNECTION_URL", "MLFLOW_BACKEND_STORE_URI")
+_SECRETS = (
+    PASSWORD,
+    "PREFECT_API_DATABASE_CONNECTION_URL",
+    "MLFLOW_BACKEND_STORE_URI",
+    "AWS_ACCESS_KEY_ID",
+    "AWS_SECRET_ACCESS_KEY",
+)
 _LEAST_CHARACTERS, _LEAST_DIFFERENT = 12, 5
 _HOME, _HOST, _NAMES = "AUG3D_HOME", "AUG3D_HOST", "AUG3D_NAMES"
 _PREFECT_PORT, _MLFLOW_PORT = "AUG3D_PREFECT_PORT", "AUG3D_MLFLOW_PORT"
@@ -109,6 +117,14 @@ def secrets_read(environment: Mapping[str, str]) -> dict[str, str]:
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(f"{name}_FILE={file} cannot be read: {error}", "name a text file that holds it") from error
     return read
+
+
+def queues_from(environment: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the queues that this machine is to serve, of those that any can; raises UsageError for another."""
+    chosen = environment.get(QUEUE, "").strip()
+    if chosen not in ("", CPU, GPU):
+        raise UsageError(f"{QUEUE}={chosen} is no queue", f"set it to {CPU} or {GPU}; without it both are served")
+    return (chosen,) if chosen else (CPU, GPU)
 
 
 def names_in(environment: Mapping[str, str]) -> tuple[str, ...]:

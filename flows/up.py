@@ -30,6 +30,7 @@ from flows.serving import (
     Serving,
     check_password,
     names_in,
+    queues_from,
     secrets_read,
     with_secret,
 )
@@ -79,6 +80,7 @@ def serve(serving: Serving, as_json: bool, worker: Sequence[str] = (*_ENTRY, WOR
 
     check_password(serving)
     limits_from(os.environ)  # the worker's stages have them
+    queues_from(os.environ)
     started = time.monotonic()
     Store(serving.home).check_writable()  # a folder that cannot be used is told before anything is started
     own_password = bool(serving.password)

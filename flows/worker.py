@@ -7,53 +7,44 @@ worker left half done, killed or with the machine, it starts again: finished ste
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
-import signal
-from collections.abc import Awaitable, Callable, Collection
-from datetime import UTC, datetime, timedelta
-from typing import TypeVar
+from collections.abc import Collection
 
-import psutil
 from prefect.client.orchestration import PrefectClient, get_client
-from prefect.client.schemas.filters import (
-    DeploymentFilter,
-    DeploymentFilterTags,
-    FlowRunFilter,
-    FlowRunFilterExpectedStartTime,
-    FlowRunFilterState,
-    FlowRunFilterStateType,
-    FlowRunFilterTags,
-)
-from prefect.client.schemas.objects import FlowRun, StateType
-from prefect.client.schemas.sorting import DeploymentSort, FlowRunSort
-from prefect.runner import Runner
-from prefect.states import AwaitingRetry, Cancelled, Crashed
-from prefect.types import DateTime
+from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags
+from prefect.client.schemas.sorting import DeploymentSort
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.run.errors import Aug3dError
-from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each
+from aug3d_core.scene_files.mirror import share
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from flows.deployments import COLLECTION, SCENE, of_collection, of_everything, of_scene
+from flows.pool import (
+    BATCH,
+    HOME,
+    REGISTRIES,
+    RUNS_AT_ONCE,
+    PoolWorker,
+    again_and_again,
+    begin,
+    make_pool,
+    watch_cancelled,
+    watch_leases,
+    work_until_ended,
+)
 from flows.services import tell_ready
+from flows.serving import queues_from
 from flows.settings import OURS, home
+from flows.takeover import PAGE, on_all_pages, one_of_the_missed, take_over
 from tasks.mlflow_outbox import waiting
-from tasks.run_locks import has_process
 from tasks.tracking import flush
 
-RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
-_LOOK_EVERY_S = 5.0
-_ASK_EVERY_S = 2.0
 _TELL_EVERY_S = 30.0
-CANCELLED_WITHIN_S = 30.0
-_PAGE = 200  # the most that Prefect tells at a time
 
-T = TypeVar("T")
 Entry = SceneEntry | CollectionEntry
 Known = dict[str, Entry | str]  # what the registry says of a scene, or what is wrong with it
 _OF_COLLECTION = f"{layout.COLLECTIONS}/"  # begins what is known of a collection: no scene has such a name
@@ -61,52 +52,33 @@ _OF_COLLECTION = f"{layout.COLLECTIONS}/"  # begins what is known of a collectio
 
 def main() -> None:
     """Work until told to end; what runs then goes on with the next worker."""
-    if os.environ.get(SUPERVISED):
-        die_with_parent()
-    store = Store(home())
-    store.check_writable()
-    asyncio.run(_work(store))
+    asyncio.run(_work(begin(home())))
 
 
 async def _work(store: Store) -> None:
-    runner = Runner(name="aug3d", limit=RUNS_AT_ONCE, query_seconds=_ASK_EVERY_S, pause_on_shutdown=False)
-    async for deployment in of_everything():
-        await runner.aadd_deployment(deployment)
-    known = await register(runner, store, None)
     async with get_client() as client:
+        await make_pool(client)
+        async for deployment in of_everything():
+            await deployment.aapply()
+        known = await register(store, None)
         await take_over(client, store)
         await one_of_the_missed(client, store)
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
-    watching = asyncio.create_task(_watch(runner, store, known))
-    telling = asyncio.create_task(_tell_mlflow(store))
-    serving = asyncio.create_task(runner.start())
-    await asyncio.sleep(0)  # the runner has set its own handler now
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _end)
-    await asyncio.wait({watching, telling, serving}, return_when=asyncio.FIRST_COMPLETED)
-    for task in (watching, telling, serving):
-        if task.done():
-            task.result()
+    workers = PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE), PoolWorker(store, (BATCH,), 1)
+    services = _watch_registry(store, known), watch_cancelled(store), watch_leases(store), tell_mlflow(store)
+    await work_until_ended(*services, *(worker.start() for worker in workers))
 
 
-def _end(*_: object) -> None:
-    """Kill what runs: its runs stay where they are, and the next worker takes them over."""
-    for child in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            child.kill()
-    os._exit(0)
+async def _watch_registry(store: Store, known: Known) -> None:
+    async def look(_: PrefectClient) -> None:
+        nonlocal known
+        known = await register(store, known)
+
+    await again_and_again(look)
 
 
-async def _watch(runner: Runner, store: Store, known: Known) -> None:
-    async with get_client() as client:
-        while True:
-            await asyncio.sleep(_LOOK_EVERY_S)
-            known = await register(runner, store, known)
-            await end_cancelled(client, store)
-
-
-async def _tell_mlflow(store: Store) -> None:
+async def tell_mlflow(store: Store) -> None:
     """Tell MLflow what it could not be told at its time, as soon as it can be reached again."""
     while True:
         if waiting(store):
@@ -114,7 +86,7 @@ async def _tell_mlflow(store: Store) -> None:
         await asyncio.sleep(_TELL_EVERY_S)
 
 
-async def register(runner: Runner, store: Store, known: Known | None) -> Known:
+async def register(store: Store, known: Known | None) -> Known:
     """Bring Prefect's deployments to what the registry says; `known` is what it said before.
 
     A scene whose file is wrong keeps its deployment as it was: the file is named, and its runs say the same.
@@ -122,14 +94,16 @@ async def register(runner: Runner, store: Store, known: Known | None) -> Known:
     told: dict[str, Entry | Aug3dError] = {**read_each(store)}
     told |= {f"{_OF_COLLECTION}{name}": entry for name, entry in COLLECTIONS.read_each(store).items()}
     now: Known = {name: str(entry) if isinstance(entry, Aug3dError) else entry for name, entry in told.items()}
+    if store.shared is not None and now != known:
+        await asyncio.to_thread(share, store, store.shared.bucket, REGISTRIES)
     for name, entry in now.items():
         if known is not None and entry == known.get(name):
             continue
         try:
             if isinstance(entry, SceneEntry):
-                await runner.aadd_deployment(await of_scene(name, entry))
+                await (await of_scene(name, entry)).aapply()
             elif isinstance(entry, CollectionEntry):
-                await runner.aadd_deployment(await of_collection(name.removeprefix(_OF_COLLECTION), entry))
+                await (await of_collection(name.removeprefix(_OF_COLLECTION), entry)).aapply()
             else:
                 print(entry, flush=True)
         except Aug3dError as error:
@@ -148,78 +122,13 @@ async def _remove(tag: str, names: Collection[str]) -> None:
     """Delete the deployments with a tag that have other names."""
     tagged = DeploymentFilter(tags=DeploymentFilterTags(all_=[OURS, tag]))
     async with get_client() as client:
-        for deployment in await _all(
+        for deployment in await on_all_pages(
             lambda offset: client.read_deployments(
-                deployment_filter=tagged, sort=DeploymentSort.NAME_ASC, limit=_PAGE, offset=offset
+                deployment_filter=tagged, sort=DeploymentSort.NAME_ASC, limit=PAGE, offset=offset
             )
         ):
             if deployment.name not in names:
                 await client.delete_deployment(deployment.id)
-
-
-async def take_over(client: PrefectClient, store: Store) -> None:
-    """Put runs that no process works on back in line; end those that were being cancelled, and parts of others."""
-    for run in await _runs(client, store, StateType.RUNNING, StateType.PENDING, StateType.CANCELLING):
-        if has_process(store.root, str(run.id)):
-            continue
-        if run.state_type == StateType.CANCELLING:
-            state = Cancelled(message="its process has ended")
-        elif run.deployment_id is None:  # a part of another run, or started in a terminal
-            state = Crashed(message="its process has ended; whoever started it can start it again")
-        else:
-            state = AwaitingRetry(message="its process ended before it did; finished steps are not made again")
-        await client.set_flow_run_state(run.id, state, force=True)
-
-
-async def end_cancelled(client: PrefectClient, store: Store) -> None:
-    """End what the runner should have: it no longer hears of cancelling once Prefect was away for some seconds."""
-    for run in await _runs(client, store, StateType.CANCELLING):
-        if run.state and run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
-            continue
-        for child in psutil.Process().children():
-            with contextlib.suppress(psutil.Error):
-                if child.environ().get("PREFECT__FLOW_RUN_ID") == str(run.id):
-                    child.kill()  # its stage dies with it
-        await client.set_flow_run_state(run.id, Cancelled(message="cancelled"), force=True)
-
-
-async def one_of_the_missed(client: PrefectClient, store: Store) -> None:
-    """Of the runs that a deployment missed while nobody worked, keep the last: it makes up for all."""
-    due = [run for run in await _runs(client, store, StateType.SCHEDULED, due=True) if run.auto_scheduled]
-    last = {run.deployment_id: run for run in sorted(due, key=_start)}
-    for run in due:
-        if run.id != last[run.deployment_id].id:
-            await client.set_flow_run_state(
-                run.id, Cancelled(message="missed while no worker was there; a later one makes up for it"), force=True
-            )
-
-
-def _start(run: FlowRun) -> datetime:
-    return run.expected_start_time or datetime.max.replace(tzinfo=UTC)
-
-
-async def _runs(client: PrefectClient, store: Store, *states: StateType, due: bool = False) -> list[FlowRun]:
-    """Return our runs in these states: not those of others on the same server, nor those of a terminal with another home."""
-    chosen = FlowRunFilter(
-        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states))), tags=FlowRunFilterTags(all_=[OURS])
-    )
-    if due:
-        latest = DateTime.now("UTC") - timedelta(seconds=_LOOK_EVERY_S)
-        chosen.expected_start_time = FlowRunFilterExpectedStartTime(before_=latest)
-    found = await _all(
-        lambda offset: client.read_flow_runs(
-            flow_run_filter=chosen, sort=FlowRunSort.ID_DESC, limit=_PAGE, offset=offset
-        )
-    )
-    return [run for run in found if run.parameters.get("home", str(store.root)) == str(store.root)]
-
-
-async def _all(page: Callable[[int], Awaitable[list[T]]]) -> list[T]:
-    """Return what lies on all pages; `page(offset)` returns what follows the first so many."""
-    found: list[T] = []
-    while more := await page(len(found)):
-        found += more
-    return found
 
 
 if __name__ == "__main__":

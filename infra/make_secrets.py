@@ -36,6 +36,8 @@ def main() -> None:
             "s3_credentials": f"[default]\naws_access_key_id = {access}\naws_secret_access_key = {key}",
         }
     )
+    [known] = json.loads((FOLDER / "s3.json").read_text())["identities"][0]["credentials"]  # an earlier draw's, maybe
+    _write({"s3_access_key": known["accessKey"], "s3_secret_key": known["secretKey"]})
     print(f"the secrets are in {FOLDER}; the pages ask for the password in {FOLDER / 'aug3d_password'}")
 
 

@@ -38,6 +38,11 @@ def has_process(home: Path, flow_run_id: str) -> bool:
         return True
 
 
+def was_here(home: Path, flow_run_id: str) -> bool:
+    """Say whether a process of this home worked on a flow run, and did not end it."""
+    return (home / layout.ALIVE / f"{flow_run_id}.lock").exists()
+
+
 def _lock(home: Path, flow_run_id: str) -> FileLock:
     folder = home / layout.ALIVE
     folder.mkdir(parents=True, exist_ok=True)

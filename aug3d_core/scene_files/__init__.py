@@ -8,6 +8,7 @@ check      document -> entry; reports every mistake with file, line and field
 text       entry -> the commented file that people edit; another schedule in such a file
 registry   a folder of such files: read, write and remove them; two of one name are refused
 files      the registry of scenes
+mirror     the registries in a shared store, for workers of other machines
 """
 
 from aug3d_core.scene_files.entry import Publishing, SceneEntry

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from socket import gethostname
 from typing import Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
@@ -114,12 +115,12 @@ class SceneEntry(Frozen):
         """Return what the scene is made of; raises InputError that names file, line and folder if it is not there."""
         if self.photos and (trouble := _trouble_with_photos(self.photos)):
             raise InputError(
-                f"{self._origin.of('photos')}: folder {self.photos} {trouble}",
+                f"{self._origin.of('photos')}: folder {self.photos} {trouble} (on {gethostname()})",
                 "connect the disk that it is on, or name the folder where the photographs are now",
             )
         if self.poses and (trouble := _trouble(self.poses)):
             raise InputError(
-                f"{self._origin.of('poses')}: {self.poses} {trouble}",
+                f"{self._origin.of('poses')}: {self.poses} {trouble} (on {gethostname()})",
                 "name the file or folder where the poses are now, or null to compute them",
             )
         return Material(photos=self.photos, poses=self.poses)

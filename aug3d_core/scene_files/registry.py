@@ -98,13 +98,17 @@ class Registry(Generic[EntryT]):
         with store.lock(self.folder, "registry", _PATIENCE_S):
             yield
 
+    def files(self, store: Store) -> list[Path]:
+        """Return all files, right or wrong."""
+        folder = store.root / self.folder
+        found = sorted(folder.iterdir()) if folder.is_dir() else []
+        return [file for file in found if file.suffix in layout.SCENE_FILES and not file.name.startswith(".")]
+
     def _by_name(self, store: Store) -> dict[str, list[Path]]:
         """Return the files of each name; upper and lower case are one name, as they are on many disks."""
         by_name: dict[str, list[Path]] = defaultdict(list)
-        folder = store.root / self.folder
-        for file in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if file.suffix in layout.SCENE_FILES and not file.name.startswith("."):
-                by_name[file.stem.casefold()].append(file)
+        for file in self.files(store):
+            by_name[file.stem.casefold()].append(file)
         return by_name
 
     def _only(self, files: list[Path]) -> Path:

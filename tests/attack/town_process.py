@@ -63,11 +63,11 @@ class TownRun:
 
     def stage(self) -> str:
         """Return the stage that has a process, "" if none has."""
-        return next(filter(None, map(_stage_of, self.living())), "")
+        return next(filter(None, map(stage_of, self.living())), "")
 
     def kind(self, process: psutil.Process) -> str:
         """Return what a process of this run is: `stage` and `worker` work for the stage, all others for the run."""
-        words, name = " ".join(words_of(process)), _stage_of(process)
+        words, name = " ".join(words_of(process)), stage_of(process)
         if process.pid == self.factory.pid:
             return "factory"
         for word, kind in (("flows.web", "Prefect's server"), ("resource_tracker", "resource tracker")):
@@ -150,7 +150,7 @@ def _lives(process: psutil.Process) -> bool:
         return False
 
 
-def _stage_of(process: psutil.Process) -> str:
+def stage_of(process: psutil.Process) -> str:
     try:
         name = process.name()
     except psutil.Error:

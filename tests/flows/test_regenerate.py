@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import shutil
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -99,26 +102,103 @@ def test_only_what_changed_is_made_and_only_what_is_no_worse_is_published(stages
     assert good is not None and good.name in (now / layout.REPORT).read_text(), "the report compares with it"
 
 
-def runs_of(scene: str) -> list[Any]:
+@pytest.fixture
+def workers(store: Store, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """Take runs of scenes as workers do, but in this process, which has the stand-in stages; return what they took."""
     from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterDeploymentId
+    from prefect.flow_engine import run_flow
 
-    with get_client(sync_client=True) as client:
-        return [run for run in client.read_flow_runs(limit=200) if run.parameters.get("scene") == scene]
+    from flows import regenerate
+    from flows.pool import make_pool
+    from flows.takeover import unfinished
+    from flows.worker import register
+
+    monkeypatch.setattr(regenerate, "_ASK_EVERY_S", 0.2)
+    ended, took = threading.Event(), []
+    for scene in ("a_torn", "b_gone", "c_good"):
+        add_scene(store, scene)
+
+    async def registered() -> None:
+        async with get_client() as client:
+            await make_pool(client)
+        await register(store, None)
+
+    def work() -> None:
+        with get_client(sync_client=True) as client:
+            while not ended.wait(0.1):
+                due = FlowRunFilter(state=unfinished(), deployment_id=FlowRunFilterDeploymentId(is_null_=False))
+                for run in client.read_flow_runs(flow_run_filter=due):
+                    took.append(run.parameters["scene"])
+                    given = regenerate.regenerate.validate_parameters(run.parameters)
+                    run_flow(regenerate.regenerate, flow_run=run, parameters=given, return_type="state")
+
+    asyncio.run(registered())
+    thread = threading.Thread(target=work)
+    thread.start()
+    yield took
+    ended.set()
+    thread.join()
 
 
-def test_a_scene_that_fails_does_not_stop_the_others(stages: Stages, store: Store) -> None:
+def test_a_scene_that_fails_does_not_stop_the_others(stages: Stages, store: Store, workers: list[str]) -> None:
     from flows.regenerate import batch
 
-    torn, gone, good = (add_scene(store, scene) for scene in ("a_torn", "b_gone", "c_good"))
     scene_file(store, "a_torn").write_text("photos: [")
-    assert gone.photos and torn.photos and good.photos
-    (gone.photos / "a.jpg").unlink()
-    gone.photos.rmdir()
+    shutil.rmtree(store.root.parent / "b_gone")
     end = batch(return_state=True)
     assert end.is_failed() and "2 of 3 scenes were not published: a_torn, b_gone" in (end.message or "")
     assert published(store, "c_good") and not published(store, "b_gone")
+    assert sorted(workers) == ["b_gone", "c_good"], "each has a run of its own, which any worker may take"
     again = batch(["c_good"], return_state=True)
     assert again.is_completed() and "1 scenes are up to date" in (again.message or "")
-    made = runs_of("c_good")
-    assert made and all(run.tags == ["aug3d"] for run in made), "the worker knows parts of a run as ours"
     assert "'nowhere' is not registered" in (batch(["nowhere"], return_state=True).message or "")
+
+
+def test_a_batch_whose_process_ended_waits_for_the_runs_that_it_had_started(
+    stages: Stages, store: Store, workers: list[str]
+) -> None:
+    from prefect import flow
+    from prefect.deployments import run_deployment
+
+    from flows import regenerate
+
+    @flow
+    def torn() -> list[str]:
+        left = run_deployment("regenerate/c_good", timeout=0)
+        ends = regenerate._regenerated({"c_good": SceneEntry(photos=store.root.parent / "c_good")})
+        return [str(left.id), ends["c_good"].name or ""]
+
+    assert torn()[1] == "Published" and workers == ["c_good"]
+
+
+def test_cancelling_a_batch_cancels_what_it_started(store: Store) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.deployments import run_deployment
+    from prefect.states import Running
+
+    from flows.deployments import of_scene
+    from flows.pool import make_pool
+    from flows.regenerate import cancel_parts
+
+    async def registered() -> None:
+        async with get_client() as client:
+            await make_pool(client)
+        await (await of_scene("waits", SceneEntry(photos=None))).aapply()
+
+    @flow
+    def parent() -> list[Any]:
+        return [run_deployment("regenerate/waits", timeout=0).id for _ in range(2)]
+
+    async def cancelled() -> list[str]:
+        async with get_client() as client:
+            await client.set_flow_run_state(ids[1], Running(), force=True)
+            whole = await client.read_flow_run(state.state_details.flow_run_id)
+            await cancel_parts(parent, whole, state)
+            return [(await client.read_flow_run(each)).state.name for each in ids]
+
+    asyncio.run(registered())
+    state = parent(return_state=True)
+    ids = state.result()
+    assert asyncio.run(cancelled()) == ["Cancelled", "Cancelling"]

@@ -24,6 +24,7 @@ from flows.serving import (
     WORKER,
     Serving,
     check_password,
+    queues_from,
     serving_from,
     with_secret,
 )
@@ -169,3 +170,10 @@ def test_limits_outlive_a_restart_of_prefect(tmp_path: Path) -> None:
     """A lease that a server forgets ends the run that holds it, minutes later."""
     module = services.settings(PREFECT, Serving(tmp_path))["PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE"]
     assert module.endswith("filesystem") and find_spec(module) is not None
+
+
+def test_a_machine_serves_the_queue_that_it_is_told_to_or_both() -> None:
+    assert queues_from({}) == queues_from({"AUG3D_QUEUE": ""}) == ("cpu", "gpu")
+    assert queues_from({"AUG3D_QUEUE": "gpu"}) == ("gpu",)
+    with pytest.raises(UsageError, match="AUG3D_QUEUE=tpu is no queue"):
+        queues_from({"AUG3D_QUEUE": "tpu"})

@@ -6,7 +6,7 @@ import asyncio
 import os
 import signal
 import subprocess
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,37 @@ from typing import Any
 import pytest
 
 from aug3d_core.scene_files.entry import SceneEntry
-from aug3d_core.scene_files.files import remove_scene, scene_file, write_scene
+from aug3d_core.scene_files.files import read_each, remove_scene, scene_file, write_scene
+from aug3d_core.scene_files.mirror import bring
 from aug3d_core.scene_files.schedule import Schedule
+from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
+from tests.store.s3_service import BUCKET, KEYS, s3_service
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
+
+_FLOW = """
+import os
+from prefect import flow
+from prefect.states import Completed
+
+@flow
+def told():
+    return Completed(message=f"of {os.getppid()}, supervised {os.environ['AUG3D_SUPERVISED']}")
+"""
 
 
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
+    from flows.pool import make_pool
+
+    async def pool() -> None:
+        from prefect.client.orchestration import get_client
+
+        async with get_client() as client:
+            await make_pool(client)
+
+    run(pool())
     monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
     return Store(tmp_path)
 
@@ -45,22 +67,19 @@ async def deployments() -> dict[str, Any]:
 def test_deployments_follow_the_registry(
     store: Store, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from prefect.runner import Runner
-
     from flows import worker
     from flows.worker import register
 
-    monkeypatch.setattr(worker, "_PAGE", 1)
+    monkeypatch.setattr(worker, "PAGE", 1)
     write_scene(store, "one", scene(schedule=Schedule(cron="0 3 * * 1", timezone="Europe/Warsaw")))
     write_scene(store, "two", scene(settings={"training": {"steps": 77}}, tags=("old",)))
 
     async def follow() -> tuple[dict[str, Any], ...]:
-        runner = Runner(name="aug3d")
-        known = await register(runner, store, None)
+        known = await register(store, None)
         before = await deployments()
         remove_scene(store, "one")
         scene_file(store, "two").write_text("photos: null\npreset: huge\n")
-        await register(runner, store, known)
+        await register(store, known)
         return before, await deployments()
 
     before, after = run(follow())
@@ -90,11 +109,11 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelling, Completed, Running
 
-    from flows import worker
+    from flows import takeover
     from flows.deployments import of_scene
     from tasks.run_locks import run_lock
 
-    monkeypatch.setattr(worker, "_PAGE", 1)
+    monkeypatch.setattr(takeover, "PAGE", 1)
 
     @flow
     def nothing(home: str = "") -> None: ...
@@ -109,7 +128,7 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
             for others in ({"parameters": {"home": "/elsewhere"}, "tags": ["aug3d"]}, {"tags": ["theirs"]}):
                 runs.append(await client.create_flow_run(nothing, state=Running(), **others))
             with run_lock(store.root, str(runs[3].id)):
-                await worker.take_over(client, store)
+                await takeover.take_over(client, store)
             return [(await client.read_flow_run(made.id)).state.name for made in runs]
 
     assert run(ends()) == [
@@ -118,19 +137,101 @@ def test_runs_without_a_process_are_taken_over(store: Store, monkeypatch: pytest
     ]  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def service() -> Iterator[str]:
+    with s3_service() as address:
+        yield address
+
+
+@pytest.fixture
+def shared(service: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bucket:
+    """Let stores be shared, and leases lapse soon."""
+    from aug3d_core.store import lease
+
+    for name, value in {**KEYS, "AWS_ENDPOINT_URL": service}.items():
+        monkeypatch.setenv(name, value)
+    for name, seconds in {"RENEW_S": 0.2, "LAPSED_S": 2.0, "_SEEN_S": 1.0}.items():
+        monkeypatch.setattr(lease, name, seconds)
+    monkeypatch.setenv("AUG3D_STORE", f"s3://{BUCKET}/{tmp_path.name}")
+    return Bucket(os.environ["AUG3D_STORE"])
+
+
+def test_runs_that_no_machine_works_on_are_taken_over_once(shared: Bucket, store: Store, tmp_path: Path) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelling, Pending, Running
+
+    from aug3d_core.store.lease import Watch, lease
+    from flows import takeover
+    from flows.deployments import of_scene
+
+    async def ends() -> tuple[list[str], list[str], int]:
+        async with get_client() as client:
+            deployment = await (await of_scene("taken", scene())).aapply()
+            states = Running(), Pending(), Cancelling(), Running()
+            runs = [await client.create_flow_run_from_deployment(deployment, state=state) for state in states]
+            homes = [Store(tmp_path / name) for name in ("one", "two")]
+            watches = [Watch(shared) for _ in homes]
+            shared.create(f"leases/{takeover.lease_of(runs[0].id)}/00000000", b'{"host": "gone", "owner": "gone"}')
+            with lease(shared, takeover.lease_of(runs[3].id), lambda: False, lambda host: None):
+                await takeover.take_over(client, store)
+                before = [(await client.read_flow_run(made.id)).state.name for made in runs]
+                for _ in range(8):
+                    for home, watch in zip(homes, watches, strict=True):
+                        await takeover.take_over_from_others(client, home, watch)
+                    await asyncio.sleep(0.5)
+                after = [(await client.read_flow_run(made.id)).state.name for made in runs]
+            told = await client.read_flow_run_states(runs[0].id)
+        return before, after, [state.name for state in told].count("AwaitingRetry")
+
+    before, after, times = run(ends())
+    assert before == ["Running", "Pending", "Cancelling", "Running"], "another machine may work on them"
+    assert after == ["AwaitingRetry", "AwaitingRetry", "Cancelled", "Running"]
+    assert times == 1
+
+
+def test_the_parts_of_a_run_that_is_taken_over_end_with_it(shared: Bucket, store: Store) -> None:
+    from prefect import flow, task
+    from prefect.client.orchestration import get_client
+    from prefect.states import Running
+
+    from aug3d_core.store.lease import Watch
+    from flows import takeover
+    from flows.deployments import of_scene
+
+    @task
+    def starts_a_part() -> None: ...
+
+    @flow
+    def part() -> None: ...
+
+    async def ends() -> list[str]:
+        async with get_client() as client:
+            deployment = await (await of_scene("whole", scene())).aapply()
+            made = await client.create_flow_run_from_deployment(deployment, state=Running())
+            step = await client.create_task_run(starts_a_part, made.id, dynamic_key="0", state=Running())
+            inner = await client.create_flow_run(part, parent_task_run_id=step.id, state=Running(), tags=["aug3d"])
+            watch = Watch(shared)
+            for _ in range(8):
+                await takeover.take_over_from_others(client, store, watch)
+                await asyncio.sleep(0.5)
+            return [(await client.read_flow_run(each)).state.name for each in (made.id, inner.id)]
+
+    assert run(ends()) == ["AwaitingRetry", "Crashed"]
+
+
 def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     from prefect import flow
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelling
 
-    from flows import worker
+    from flows import takeover
 
     @flow
     def nothing() -> None: ...
 
     async def state_and_process() -> tuple[str, int | None]:
         async with get_client() as client:
-            await worker.end_cancelled(client, store)
+            await takeover.end_cancelled(client, store)
             return (await client.read_flow_run(made.id)).state.name, process.poll()
 
     async def make() -> Any:
@@ -141,7 +242,7 @@ def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch:
     process = subprocess.Popen(["sleep", "60"], env={**os.environ, "PREFECT__FLOW_RUN_ID": str(made.id)})
     try:
         assert run(state_and_process()) == ("Cancelling", None), "the runner has its time"
-        monkeypatch.setattr(worker, "CANCELLED_WITHIN_S", 0.0)
+        monkeypatch.setattr(takeover, "CANCELLED_WITHIN_S", 0.0)
         assert run(state_and_process())[0] == "Cancelled"
         assert process.wait(60) == -signal.SIGKILL
     finally:
@@ -149,11 +250,116 @@ def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch:
         process.wait()
 
 
+def test_a_run_that_another_machine_cancels_is_left_to_it(
+    shared: Bucket, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelling
+
+    from flows import takeover
+
+    @flow
+    def nothing() -> None: ...
+
+    async def state() -> str:
+        async with get_client() as client:
+            made = await client.create_flow_run(nothing, state=Cancelling(), tags=["aug3d"])
+            await takeover.end_cancelled(client, store)
+            return (await client.read_flow_run(made.id)).state.name
+
+    monkeypatch.setattr(takeover, "CANCELLED_WITHIN_S", 0.0)
+    assert run(state()) == "Cancelling", "its process may live there"
+
+
+def test_what_is_registered_is_known_to_other_machines_and_goes_to_its_queue(
+    shared: Bucket, store: Store, tmp_path: Path
+) -> None:
+    from flows.pool import REGISTRIES
+    from flows.worker import register
+
+    write_scene(store, "light", scene())
+    write_scene(store, "heavy", scene(tags=("gpu",)))
+
+    async def queues() -> dict[str, str]:
+        known = await register(store, None)
+        bring(other, shared, REGISTRIES)
+        assert set(read_each(other)) == {"light", "heavy"}
+        remove_scene(store, "light")
+        await register(store, known)
+        bring(other, shared, REGISTRIES)
+        assert set(read_each(other)) == {"heavy"}
+        return {name: made.work_queue_name for name, made in (await deployments()).items()}
+
+    other = Store(tmp_path / "other")
+    assert run(queues())["heavy"] == "gpu"
+    write_scene(store, "light", scene())
+    assert run(register(store, None)) and run(deployments())["light"].work_queue_name == "cpu"
+
+
+def test_what_cannot_be_reached_now_is_asked_again(
+    store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A worker that ended when Prefect is away would take with it what it executes."""
+    import httpx
+
+    from aug3d_core.run.errors import StoreError
+    from flows import pool
+
+    monkeypatch.setattr(pool, "_LOOK_EVERY_S", 0.01)
+    answers = iter(
+        [httpx.ConnectError("refused"), StoreError("the store is away", "wait"), None, ValueError("a mistake")]
+    )
+
+    async def look(_: object) -> None:
+        if (answer := next(answers)) is not None:
+            raise answer
+
+    with pytest.raises(ValueError, match="a mistake"):
+        run(pool.again_and_again(look))
+    assert "refused" in capsys.readouterr().out
+
+
+def test_a_worker_executes_a_run_under_its_lease(
+    shared: Bucket, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run's process is one of its own, and dies with the worker's."""
+    from prefect.client.orchestration import get_client
+    from prefect.types.entrypoint import EntrypointType
+
+    from flows.pool import HOME, POOL, PoolWorker
+
+    (tmp_path / "flow_of_a_test.py").write_text(_FLOW)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])]))
+    brought: list[str] = []
+
+    async def executed() -> tuple[Any, list[str]]:
+        import flow_of_a_test  # type: ignore[import-not-found]
+
+        made = await flow_of_a_test.told.ato_deployment(
+            "told", work_pool_name=POOL, work_queue_name=HOME, entrypoint_type=EntrypointType.MODULE_PATH
+        )
+        deployment = await made.aapply()
+        async with get_client() as client:
+            run = await client.create_flow_run_from_deployment(deployment)
+        worker = PoolWorker(store, (HOME,), 1, lambda: brought.append(",".join(shared.names("leases/runs/"))))
+        await worker.start(run_once=True)
+        async with get_client() as client:
+            return await client.read_flow_run(run.id), brought
+
+    done, leases = run(executed())
+    assert done.state.is_completed(), done.state.message
+    assert f"of {os.getpid()}, supervised 1" in done.state.message
+    assert leases == [f"leases/runs/{done.id}/00000000"] and shared.names("leases/") == []
+    assert "(home)" in done.labels["prefect.worker.name"]
+
+
 def test_of_the_missed_runs_one_makes_up_for_all(store: Store) -> None:
     from prefect.client.orchestration import get_client
 
     from flows.deployments import of_scene
-    from flows.worker import one_of_the_missed
+    from flows.takeover import one_of_the_missed
 
     async def scheduled() -> list[tuple[datetime, str]]:
         deployment = await (await of_scene("one", scene(schedule=Schedule(every="10m")))).aapply()

@@ -16,14 +16,14 @@ from tests.tasks.logged import version
 @pytest.mark.slow
 @pytest.mark.usefixtures("prefect")
 def test_it_tells_mlflow_what_waits(tmp_path: Path, fresh_mlflow: Path) -> None:
-    from flows.worker import _tell_mlflow
+    from flows.worker import tell_mlflow
 
     store = Store(tmp_path)
     shutil.copy(fresh_mlflow, tmp_path)
     put(store, Entry(scene="town", version=version(tmp_path).name))
 
     async def until_told() -> None:
-        telling = asyncio.create_task(_tell_mlflow(store))
+        telling = asyncio.create_task(tell_mlflow(store))
         while waiting(store):
             await asyncio.sleep(0.05)
         telling.cancel()

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 import yaml
 
 from aug3d_core import __version__
+from flows.cli import app
 from flows.services import settings
 from flows.serving import MLFLOW, PREFECT, WORKER, secrets_read, serving_from
 
@@ -51,6 +53,16 @@ def test_our_services_are_started_and_checked_as_aug3d_up_does_it(name: str, ser
     assert services[name]["healthcheck"]["test"] == ["CMD", *entry, "check", OURS[name]]
 
 
+def test_another_worker_joins_with_a_home_of_its_own_and_the_same_store(services: dict[str, Any]) -> None:
+    more, first = services["worker-more"], services["worker"]
+    assert more["command"][:2] == ["aug3d", "worker"]
+    given = typer.main.get_command(app).commands["worker"].make_context("worker", more["command"][2:]).params  # type: ignore[attr-defined]
+    assert filled_in(given["server"], {}) == "http://prefect:4200"
+    assert more["environment"] == first["environment"] and more["healthcheck"] == first["healthcheck"]
+    homes = [{volume.split(":")[0] for volume in one["volumes"] if volume.endswith(":/data")} for one in (more, first)]
+    assert homes[0].isdisjoint(homes[1])
+
+
 @pytest.fixture(scope="module")
 def made_secrets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run the script that makes the secrets, twice, in a copy; return their folder."""
@@ -70,6 +82,10 @@ def test_what_compose_sets_is_what_the_services_read(name: str, services: dict[s
     serving = serving_from(environment)  # refuses an open door without a password
     assert serving.host == "0.0.0.0" and (serving.prefect_port, serving.mlflow_port) == (4200, 5000)
     if OURS[name] == WORKER:
+        read = secrets_read(environment)
+        assert {read["AWS_ACCESS_KEY_ID"], read["AWS_SECRET_ACCESS_KEY"]} == {
+            (made_secrets / key).read_text() for key in ("s3_access_key", "s3_secret_key")
+        }
         made = {**settings(WORKER, serving), **environment}
         assert made["PREFECT_API_URL"] == "http://prefect:4200/api"
         assert made["MLFLOW_TRACKING_URI"] == "http://mlflow:5000"
@@ -86,6 +102,19 @@ def test_only_its_owner_enters_the_folder_of_secrets_and_what_belongs_together_a
     [identity] = json.loads((made_secrets / "s3.json").read_text())["identities"]
     credentials = (made_secrets / "s3_credentials").read_text()
     assert all(value in credentials for value in identity["credentials"][0].values())
+    keys = [(made_secrets / name).read_text() for name in ("s3_access_key", "s3_secret_key")]
+    assert keys == list(identity["credentials"][0].values())
+
+
+def test_secrets_that_an_earlier_version_made_stay_and_are_completed(made_secrets: Path, tmp_path: Path) -> None:
+    shutil.copytree(made_secrets.parent, tmp_path / "copy")
+    (tmp_path / "copy" / "secrets" / "s3_access_key").unlink()
+    (tmp_path / "copy" / "secrets" / "s3_secret_key").unlink()
+    subprocess.run(
+        [sys.executable, tmp_path / "copy" / "infra" / "make_secrets.py"], check=True, stdout=subprocess.DEVNULL
+    )
+    for file in made_secrets.iterdir():
+        assert (tmp_path / "copy" / "secrets" / file.name).read_bytes() == file.read_bytes()
 
 
 def test_every_service_gives_its_rights_away_and_cannot_write_its_image(services: dict[str, Any]) -> None:

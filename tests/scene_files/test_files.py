@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from socket import gethostname
 
 import pytest
 
@@ -141,15 +142,15 @@ def test_photographs_and_poses_that_vanished_are_told_with_file_and_line(store: 
     poses.unlink()
     with pytest.raises(InputError) as told:
         entry.material()
-    assert told.value.problem == f"{file}:7: poses: {poses} does not exist"
+    assert told.value.problem == f"{file}:7: poses: {poses} does not exist (on {gethostname()})"
     (photos / "a.jpg").unlink()
     with pytest.raises(InputError) as told:
         entry.material()
-    assert told.value.problem == f"{file}:4: photos: folder {photos} holds no photographs"
+    assert told.value.problem == f"{file}:4: photos: folder {photos} holds no photographs (on {gethostname()})"
     photos.rmdir()
     with pytest.raises(InputError) as told:
         entry.material()
-    assert told.value.problem == f"{file}:4: photos: folder {photos} does not exist"
+    assert told.value.problem == f"{file}:4: photos: folder {photos} does not exist (on {gethostname()})"
     photos.touch()
     with pytest.raises(InputError, match="is a file, not a folder"):
         entry.material()

@@ -1,0 +1,101 @@
+"""The registry in a shared store: whoever registers scenes puts it there, and workers of other machines bring it.
+
+The folder of files stays the only place that people edit. A path in it is the same on every machine.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aug3d_core.run.atomic_file import write_synced
+from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
+from aug3d_core.scene_files.registry import Registry
+from aug3d_core.store import layout
+from aug3d_core.store.scene_name import check_scene_name
+from aug3d_core.store.store import Store
+
+if TYPE_CHECKING:  # with obstore, which a store of one machine does without
+    from aug3d_core.store.bucket import Bucket
+
+_NAME = "registry.json"
+_BROUGHT = "# Brought from "  # begins a file that is a copy
+Registries = Sequence[Registry[Any]]
+
+
+def share(store: Store, bucket: Bucket, registries: Registries) -> None:
+    """Put all files of these registries where other machines find them, at once: paths in them absolute."""
+    files = {
+        f"{registry.folder}/{file.name}": _content(registry, file)
+        for registry in registries
+        for file in registry.files(store)
+    }
+    bucket.put(_NAME, json.dumps({"host": socket.gethostname(), "files": files}).encode())
+
+
+def check_has_none_of_its_own(store: Store, registries: Registries) -> None:
+    """Raise UsageError if a home has scene files that were not brought: a copy of others' would take their place."""
+    for registry in registries:
+        for file in registry.files(store):
+            if not file.read_bytes().startswith(_BROUGHT.encode()):
+                raise UsageError(
+                    f"{file} was written here, but a worker has the scene files of the machine that aug3d up runs on",
+                    "choose another folder with --home, or move the file to that machine",
+                )
+
+
+def bring(store: Store, bucket: Bucket, registries: Registries) -> None:
+    """Make this home's registries those of the machine that shares them; raises StoreError if none does."""
+    told = _told(bucket)
+    check_has_none_of_its_own(store, registries)
+    for registry in registries:
+        wanted = {
+            name.rpartition("/")[2]: f"{_BROUGHT}{told['host']}, where it is edited: a change here is lost.\n{text}"
+            for name, text in told["files"].items()
+            if name.rpartition("/")[0] == registry.folder and _is_registry_file(name)
+        }
+        with registry.alone(store):
+            _write(store.root / registry.folder, registry.files(store), wanted)
+
+
+def _write(folder: Path, there: Sequence[Path], wanted: Mapping[str, str]) -> None:
+    folder.mkdir(exist_ok=True)
+    for name, text in wanted.items():
+        if not (folder / name).exists() or (folder / name).read_text() != text:
+            write_synced(folder / name, text.encode())
+    for file in there:
+        if file.name not in wanted:
+            file.unlink()
+
+
+def _content(registry: Registry[Any], file: Path) -> str:
+    """Return an entry as it is written; of a file that is wrong what stands in it, so that it is wrong everywhere."""
+    try:
+        return registry.written(file.stem, registry.read_file(file))
+    except Aug3dError:
+        return file.read_bytes().decode(errors="replace") if file.is_file() else ""
+
+
+def _told(bucket: Bucket) -> Mapping[str, Any]:
+    content = bucket.get(_NAME)
+    if content is None:
+        raise StoreError(
+            f"there is no registry of scenes in {bucket.url}",
+            "start aug3d up, on the machine that has the scene files, with the same AUG3D_STORE",
+        )
+    try:
+        told = json.loads(content)
+        return {"host": str(told["host"]).partition("\n")[0], "files": dict(told["files"])}
+    except (ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"{bucket.url}/{_NAME} is damaged ({error})", "delete it; aug3d up puts it again") from error
+
+
+def _is_registry_file(name: str) -> bool:
+    file = Path(name.rpartition("/")[2])
+    try:
+        return file.suffix in layout.SCENE_FILES and bool(check_scene_name(file.stem))
+    except UsageError:
+        return False

@@ -1,0 +1,49 @@
+"""`python -m flows.joined_worker`: a worker of another machine's Prefect server, with a home of its own and a shared store.
+
+It knows the scenes from the shared store, and registers none.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+
+from prefect.client.orchestration import get_client
+
+from aug3d_core.scene_files.mirror import bring
+from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.store import Store
+from flows.pool import (
+    REGISTRIES,
+    RUNS_AT_ONCE,
+    PoolWorker,
+    begin,
+    watch_cancelled,
+    watch_leases,
+    work_until_ended,
+)
+from flows.services import tell_ready
+from flows.serving import queues_from
+from flows.settings import home
+from flows.takeover import take_over
+from flows.worker import tell_mlflow
+
+
+def main() -> None:
+    """Work until told to end; what runs then goes on with another worker."""
+    store = begin(home())
+    assert store.shared is not None
+    asyncio.run(_work(store, store.shared.bucket))
+
+
+async def _work(store: Store, bucket: Bucket) -> None:
+    async with get_client() as client:
+        await take_over(client, store)
+    worker = PoolWorker(store, queues_from(os.environ), RUNS_AT_ONCE, lambda: bring(store, bucket, REGISTRIES))
+    tell_ready(store.root)
+    print(f"{worker.name} takes runs", flush=True)
+    await work_until_ended(worker.start(), watch_cancelled(store), tell_mlflow(store), watch_leases(store))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""The work pool of all flow runs, its queues, and the worker that takes runs from it: on one machine or on many."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import secrets
+import signal
+import socket
+import sys
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import psutil
+from anyio.abc import TaskStatus
+from httpx import HTTPError
+from prefect.client.orchestration import PrefectClient, get_client
+from prefect.client.schemas.actions import WorkPoolCreate
+from prefect.exceptions import ObjectAlreadyExists
+from prefect.utilities.processutils import command_to_string
+from prefect.workers.process import ProcessJobConfiguration, ProcessWorker, ProcessWorkerResult
+
+from aug3d_core.collections.files import COLLECTIONS
+from aug3d_core.run.errors import StoreError
+from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
+from aug3d_core.scene_files.files import REGISTRY
+from aug3d_core.store.store import Store
+from flows.serving import CPU, GPU
+from flows.takeover import end_cancelled, in_thread, lease_of, take_over_from_others
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import FlowRun
+
+POOL = "aug3d"
+HOME = "home"  # queue of what only the machine can do that has the scene files and the results of studies
+BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need
+REGISTRIES = (REGISTRY, COLLECTIONS)
+RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
+_LOOK_EVERY_S = 5.0
+
+
+class _Job(ProcessJobConfiguration):
+    """How a run is started: with this Python, in this folder, whatever the pool says, and never to outlive its worker."""
+
+    def prepare_for_flow_run(self, *args: Any, **kwargs: Any) -> None:
+        self.command = command_to_string([sys.executable, "-m", "prefect.engine"])
+        self.working_dir = Path.cwd()
+        self.env = {**self.env, SUPERVISED: "1"}
+        super().prepare_for_flow_run(*args, **kwargs)
+
+
+class PoolWorker(ProcessWorker):
+    """Takes flow runs from queues of the pool, and executes each in a process of its own."""
+
+    type = "aug3d"
+    job_configuration = _Job
+
+    def __init__(
+        self, store: Store, queues: Iterable[str], limit: int, before: Callable[[], None] = lambda: None
+    ) -> None:
+        """Name the worker by machine, home and queues: the pages show it with each of its runs.
+
+        before: called before each run, from a thread.
+        """
+        name = f"{socket.gethostname()} {store.root.name} ({', '.join(queues)})"
+        super().__init__(POOL, list(queues), name, limit=limit, create_pool_if_not_found=False)
+        self._store, self._before = store, before
+
+    async def run(
+        self,
+        flow_run: FlowRun,
+        configuration: ProcessJobConfiguration,
+        task_status: TaskStatus[int] | None = None,
+    ) -> ProcessWorkerResult:
+        """Execute a run, and tell other machines all the while that somebody does."""
+        async with in_thread(_leased(self._store, flow_run)):
+            await asyncio.to_thread(self._before)
+            return await super().run(flow_run, configuration, task_status)
+
+    async def get_and_submit_flow_runs(self) -> list[FlowRun]:
+        """Ask for runs; without an answer there are none yet, and those at work go on."""
+        with _patient():
+            return await super().get_and_submit_flow_runs()
+        return []
+
+    async def sync_with_backend(self) -> None:
+        """Tell Prefect that this worker lives, if it can be told."""
+        with _patient():
+            await super().sync_with_backend()
+
+
+def _leased(store: Store, flow_run: FlowRun) -> AbstractContextManager[object]:
+    if store.shared is None:
+        return nullcontext()
+    from aug3d_core.store.lease import lease
+
+    def waiting(host: str) -> None:
+        print(f"{flow_run.name}: waiting for {host}, which executes it", flush=True)
+
+    return lease(store.shared.bucket, lease_of(flow_run.id), lambda: False, waiting, _begin_again)
+
+
+async def make_pool(client: PrefectClient) -> None:
+    """Make the pool and its queues where they are not there yet."""
+    with suppress(ObjectAlreadyExists):
+        template = PoolWorker.get_default_base_job_template()
+        await client.create_work_pool(WorkPoolCreate(name=POOL, type=PoolWorker.type, base_job_template=template))
+    for queue in (CPU, GPU, HOME, BATCH):
+        with suppress(ObjectAlreadyExists):
+            await client.create_work_queue(queue, work_pool_name=POOL)
+
+
+def begin(home: Path) -> Store:
+    """Become a worker of a home, and open its store."""
+    if os.environ.get(SUPERVISED):
+        die_with_parent()
+    store = Store(home)
+    store.check_writable()
+    if store.shared is not None:
+        from aug3d_core.store.lease import OWNER
+
+        os.environ[OWNER] = secrets.token_hex(8)
+    return store
+
+
+async def watch_leases(store: Store) -> None:
+    """Take over, again and again, what workers of other machines left when they died."""
+    if store.shared is None:
+        await asyncio.Event().wait()
+        return
+    from aug3d_core.store.lease import Watch
+
+    watch = Watch(store.shared.bucket)
+    await again_and_again(lambda client: take_over_from_others(client, store, watch))
+
+
+async def watch_cancelled(store: Store) -> None:
+    """End, again and again, the runs of this worker that were cancelled unheard."""
+    await again_and_again(lambda client: end_cancelled(client, store))
+
+
+async def again_and_again(look: Callable[[PrefectClient], Awaitable[None]]) -> None:
+    """Do something every few seconds. While Prefect or the store is away it waits for them, and what runs goes on."""
+    async with get_client() as client:
+        while True:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            with _patient():
+                await look(client)
+
+
+@contextmanager
+def _patient() -> Iterator[None]:
+    """Take what cannot be reached now for what can be reached later."""
+    try:
+        yield
+    except (HTTPError, StoreError) as error:
+        print(f"{type(error).__name__}: {error}", flush=True)
+
+
+async def work_until_ended(*work: Awaitable[None]) -> None:
+    """Do all of it until told to end, or until one part ends or fails."""
+    tasks = [asyncio.ensure_future(each) for each in work]
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _end)
+    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
+        if task.done():
+            task.result()
+
+
+def _end(*_: object) -> None:
+    """Kill what runs: its runs stay where they are, and the next worker takes them over."""
+    _kill_runs()
+    os._exit(0)
+
+
+def _begin_again() -> None:
+    """Start anew when another machine has taken a run over, since this one could not be seen: two shall not execute it.
+
+    Prefect is told nothing: the run is the other's.
+    """
+    print("another worker took a run over; what runs here is ended, and the worker starts again", flush=True)
+    _kill_runs()
+    os.execv(sys.executable, sys.orig_argv)
+
+
+def _kill_runs() -> None:
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            child.kill()

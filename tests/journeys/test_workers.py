@@ -1,0 +1,29 @@
+"""Two machines that have nothing in common but a store and a Prefect server make a batch of scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.journeys.team import team
+from tests.store.s3_service import KEYS
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+SCENES = {f"town{number}": {"training": {"steps": 10 + number}} for number in range(3)}  # one town, three models
+
+
+def test_a_batch_is_spread_and_each_object_is_made_once(own_environment: None, tmp_path: Path) -> None:
+    with team(tmp_path, SCENES, ("one", "two")) as workers:
+        ended = workers.end_of(workers.start_all(), 600)
+        assert (ended["type"], ended["message"]) == ("COMPLETED", "3 scenes are up to date")
+        runs = workers.scenes()
+        assert {scene: run["state"]["name"] for scene, run in runs.items()} == dict.fromkeys(SCENES, "Published")
+        who = {run["labels"]["prefect.worker.name"] for run in runs.values()}
+        assert {name.split()[1] for name in who} == {"one", "two"}, "both have work, and the page says who does what"
+        made = workers.made()
+        assert set(made.values()) == {1}
+        assert sum(name.startswith("town ") for name in made) == 1 and sum("training" in name for name in made) == 3
+        told = "".join(workers.log(name) for name in ("up", "one", "two"))
+        assert workers.token not in told.replace(f"token={workers.token}", "")
+        assert KEYS["AWS_SECRET_ACCESS_KEY"] not in told
