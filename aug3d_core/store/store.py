@@ -56,7 +56,8 @@ class Store:
             make_private(self.root)
             for folder in self._folders():
                 folder.mkdir(parents=True, exist_ok=True)
-            self._most_cached_bytes = cache_bytes_from(os.environ, shutil.disk_usage(self.root).total)
+            if self.shared is not None:
+                self._most_cached_bytes = cache_bytes_from(os.environ, shutil.disk_usage(self.root).total)
         except OSError as error:
             if disk_full(error):
                 raise disk_failure(self.root, str(error)) from error
