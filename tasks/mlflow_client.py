@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 from mlflow.tracking import MlflowClient
@@ -12,6 +13,8 @@ from tasks.fresh_database import keep, lay_out
 from tasks.ping import unreachable
 
 _FILE, _MLFLOW = "sqlite:///", "mlflow"
+# It prints the traceback of what it raises as well, such as a full disk, which a run tells in a line
+logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
 
 
 def mlflow_client(store: Store) -> MlflowClient:

@@ -6,6 +6,7 @@ import json
 import shutil
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest.mock import Mock
@@ -20,6 +21,7 @@ from aug3d_core.store.scenes import version_metrics, version_paths, write_metric
 from aug3d_core.store.store import Store
 from tasks.mlflow_outbox import Entry, put, waiting
 from tests.tasks.logged import version
+from tests.tests_support import fill
 
 if TYPE_CHECKING:
     from tasks.tracking import Flushed, Logged
@@ -189,6 +191,19 @@ def test_a_database_that_is_broken_is_named_and_filled_when_it_is_mended(tmp_pat
     shutil.copy(fresh_mlflow, tmp_path)
     assert flush(tmp_path).waiting == ""
     assert len(runs(MlflowClient(f"sqlite:///{tmp_path / layout.MLFLOW_DATABASE}"))) == 1
+
+
+def test_a_full_disk_is_told_in_a_line(
+    tmp_path: Path, fresh_mlflow: Path, small_disk: Callable[[int], Path], monkeypatch: pytest.MonkeyPatch, capfd
+) -> None:
+    database = Path(shutil.copy(fresh_mlflow, small_disk(4)))
+    fill(database.parent / "else")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{database}")
+    why = log(version(tmp_path)).waiting
+    assert "database or disk is full" in why and "\n" not in why
+    assert "Traceback" not in capfd.readouterr().err
+    (database.parent / "else").unlink()
+    assert flush(tmp_path).waiting == ""
 
 
 @pytest.mark.parametrize("killed_at", ["tasks.version_run.register", "pathlib.Path.unlink"])
