@@ -10,6 +10,8 @@ import pytest
 
 from aug3d_core.bench.heads import TOWN_GOALS, _scene_figures
 from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.store.damage import sha256_of
+from aug3d_core.store.record import FileEntry
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Trial
 from tests.report.made_up_run import record
@@ -18,10 +20,11 @@ from tests.report.made_up_run import record
 def judged(home: Path, **scores: float) -> tuple[Store, Trial]:
     """Return a store with an evaluation in which every view has the same scores."""
     store, made = Store(home), record("evaluation")
-    folder = store.files_dir(made)
-    folder.mkdir(parents=True)
-    pd.DataFrame([{"group": group, "photo_id": group, **scores} for group in range(4)]).to_parquet(folder / TEST_VIEWS)
-    return store, Trial({"evaluation": made})
+    file = store.place(made) / TEST_VIEWS
+    file.parent.mkdir(parents=True)
+    pd.DataFrame([{"group": group, "photo_id": group, **scores} for group in range(4)]).to_parquet(file)
+    entry = FileEntry(sha256=sha256_of(file), size_bytes=file.stat().st_size, mtime_ns=file.stat().st_mtime_ns)
+    return store, Trial({"evaluation": made.model_copy(update={"files": {TEST_VIEWS: entry}})})
 
 
 def test_each_start_is_held_against_its_own_answers(tmp_path: Path) -> None:

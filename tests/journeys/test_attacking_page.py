@@ -5,7 +5,6 @@ It asks from another origin, from another port of this machine, and from a name 
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import re
@@ -15,7 +14,6 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -29,6 +27,7 @@ from playwright.sync_api import BrowserContext, Page, expect, sync_playwright
 
 from tests.infra.postgres import free_port
 from tests.journeys.small_town import SETTINGS
+from tests.journeys.test_daily_use import post
 from tests.tests_support import hear_signals, words_of
 
 CHROMIUM = shutil.which("chromium")
@@ -113,11 +112,7 @@ class Up:
 
     def ask(self, server: str, path: str, question: dict[str, Any]) -> Any:
         """Post to a server as its owner."""
-        user = base64.b64encode(f"admin:{self.token}".encode()).decode()
-        headers = {"Authorization": f"Basic {user}", "Content-Type": "application/json"}
-        request = urllib.request.Request(self.told[server] + path, json.dumps(question).encode(), headers)
-        with urllib.request.urlopen(request, timeout=60) as answer:
-            return json.load(answer)
+        return post(self.told[server] + path, question, self.token)
 
     def changed(self) -> list[Any]:
         """Return what the attack has made."""

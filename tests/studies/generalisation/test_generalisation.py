@@ -9,6 +9,7 @@ import pytest
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import make_data
+from aug3d_core.heads.files import MODEL_WEIGHTS
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import make_cells
@@ -35,6 +36,7 @@ class Learning(Stages):
     def figures(self, stage, made: Made, files: Path):
         if stage.name == "training":
             settings = made["training"]
+            (files / MODEL_WEIGHTS).write_text("{}")
             self.trained.append((self.given["training"], settings["steps"], settings["head"].get("start", "")))
         if stage.name == "evaluation":
             better = 1.0 if "file" in made["training"]["head"].get("start", "") else 0.0
