@@ -29,6 +29,7 @@ _LONGEST_FIRST = (
 )  # fmt: skip
 # Files of one scene: what the first of them makes, the others use.
 _TOGETHER = {
+    "tests/journeys/test_shared_store.py": "tests/journeys/test_demo.py",
     "tests/journeys/test_study.py": "tests/journeys/test_demo.py",
     "tests/attack/test_kills.py": "tests/journeys/test_demo.py",
     "tests/attack/test_kills_of_up.py": "tests/journeys/test_demo.py",
