@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from aug3d_core.factory.stages import FROM_MODEL, FROM_PHOTOS, FROM_POSES, FROM_TOWN
-from aug3d_core.photos.discover import digest_of, folder_digest
+from aug3d_core.photos.digest_apart import digest_apart
+from aug3d_core.photos.discover import digest_of
 from aug3d_core.poses.recognise import pose_digest, recognise
 from aug3d_core.run.stage import Frozen, Stage
 from aug3d_core.store.record import Record, files_digest
@@ -68,7 +69,7 @@ def town_photos(store: Store, town: Record) -> Source:
 
 def given_photos(folder: Path) -> Source:
     """Return the photographs that the user gives as an input."""
-    return Source(path=folder, digest=folder_digest(folder))
+    return Source(path=folder, digest=digest_apart(folder))
 
 
 def _source(store: Store, stage: Stage, name: str, records: Mapping[str, Record], material: Material) -> Source:

@@ -1,6 +1,7 @@
 """Turn a folder of photographs into a checked table and working copies.
 
 discover   which files are photographs, their order by name, and the digest of the folder
+digest_apart  that digest, read by a process of its own
 exif       focal length, position, time and orientation as the camera wrote them
 decode     one file to one working copy, or the reason why not
 table      the photo table and the table of rejected files
