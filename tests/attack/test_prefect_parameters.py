@@ -39,6 +39,7 @@ BY_PREFECT, BY_TYPE, WORDS = "refused by Prefect", "refused by the flow's types"
 UNREAD = "refused before the flow begins"  # by Prefect too, which calls such a run crashed
 _HELD = (BY_PREFECT, BY_TYPE, WORDS)
 _MOST_SAID = 10_000  # the words of every perturbation to choose from
+_ENDED_WITHIN_S = 300.0  # runs that a worker takes
 _LONG = "x" * 100_000
 _NAMES: dict[str, Any] = {
     "unknown": "nowhere", "empty": "", "parent": "../../etc", "absolute": "/etc/passwd", "NUL": "a\0b", "newline": "one\nforged: yes",
@@ -126,10 +127,21 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
 
 @pytest.fixture
 def deployed(store: Store) -> dict[str, Any]:
-    """Return the id of each deployment by flow and name."""
+    """Return the id of each deployment by flow and name; what other tests left to do on this server is dropped."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter
+    from prefect.states import Cancelled
+
     from flows.deployments import of_collection, of_everything, of_scene
+    from flows.pool import make_pool
+    from flows.takeover import unfinished
 
     async def apply() -> dict[str, Any]:
+        async with get_client() as client:
+            await make_pool(client)
+            while left := await client.read_flow_runs(flow_run_filter=FlowRunFilter(state=unfinished())):
+                for run in left:
+                    await client.set_flow_run_state(run.id, Cancelled(), force=True)
         made = [
             await of_scene("one", read_scene(store, "one")),
             await of_collection("all", COLLECTIONS.read(store, "all")),
@@ -255,7 +267,9 @@ def test_the_worker_goes_on_with_the_others(store: Store, deployed: dict[str, An
     ended: dict[str, Any] = {}
     try:
         with get_client(sync_client=True) as client:
+            until = time.monotonic() + _ENDED_WITHIN_S
             while worker.poll() is None and not (ended and all(state.is_final() for state in ended.values())):
+                assert time.monotonic() < until, {name: state.name for name, state in ended.items()}
                 time.sleep(0.5)
                 ended = {name: client.read_flow_run(UUID(run)).state for name, run in runs.items()}
         assert worker.poll() is None, "the worker lives on"
