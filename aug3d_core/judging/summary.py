@@ -72,7 +72,7 @@ def parts_of(table: pd.DataFrame) -> list[str]:
 def interval(values: Float[np.ndarray, " g"]) -> tuple[float, float] | None:
     """Return the 95 % interval of the mean by Student's t; None for one value, which says nothing of others.
 
-    Resampling so few values gives intervals that are too narrow: a third for four of them.
+    Resampling so few values gives intervals that are too narrow: by half for four of them, by a fifth for ten.
     """
     from scipy.special import stdtrit  # which whoever only names figures does without
 

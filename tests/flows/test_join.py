@@ -19,30 +19,15 @@ from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
 from flows.cli import app
 from flows.join import check, joined
+from tests.flows.guarded_server import SECRET, guarded_server
 from tests.store.s3_service import BUCKET, KEYS, s3_service
-
-SECRET = "correct horse battery"
-
-
-class _Guarded(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
-        known = "Basic YWRtaW46Y29ycmVjdCBob3JzZSBiYXR0ZXJ5"  # admin:SECRET
-        self.send_response(200 if self.headers.get("Authorization") == known else 401)
-        self.end_headers()
-
-    def log_message(self, *_: object) -> None:
-        pass
 
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[str]:
     """Return the address of a server that asks for `SECRET`."""
-    with HTTPServer(("127.0.0.1", 0), _Guarded) as server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
-        thread.join()
+    with guarded_server() as port:
+        yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import stat
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -28,8 +26,7 @@ from flows.serving import (
     serving_from,
     with_secret,
 )
-
-SECRET = "correct horse battery"
+from tests.flows.guarded_server import SECRET, guarded_server
 
 
 @pytest.mark.parametrize("name", [PREFECT, MLFLOW, WORKER])
@@ -128,25 +125,11 @@ def test_a_service_that_there_is_not(words: list[str]) -> None:
     assert done.returncode == 2 and "there is no service" in done.stderr and SUPERVISED not in done.stderr
 
 
-class _Guarded(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
-        known = "Basic YWRtaW46Y29ycmVjdCBob3JzZSBiYXR0ZXJ5"  # admin:SECRET
-        self.send_response(200 if self.headers.get("Authorization") == known else 401)
-        self.end_headers()
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
 @pytest.fixture
 def guarded() -> Iterator[int]:
     """A server that asks for `SECRET`; yields its port."""
-    with HTTPServer(("127.0.0.1", 0), _Guarded) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        yield server.server_port
-        server.shutdown()
-        thread.join()
+    with guarded_server() as port:
+        yield port
 
 
 @pytest.mark.parametrize("password", ["", "wrong password"])
