@@ -193,7 +193,7 @@ def _run(
         console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True)
         if metrics := nothing_to_do(store, scene, preset, plan):
             version = Path(metrics["paths"]["metrics"]).parent.name
-            console.print(f"nothing changed: this is the version of {version}", highlight=False)
+            console.print(f"nothing changed, nothing was computed: the version of {version}", highlight=False)
         else:
             with following(plan), prefect_server(store.root) as ready:
                 metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)

@@ -35,7 +35,7 @@ def panel(
         [*((f"input {i + 1}", scene.images[v]) for i, v in enumerate(inputs)), ("truth", truth)],
         [
             (f"prediction {scores['psnr']:.1f} dB", view.colour),
-            *((f"{name} {scores[f'{name}_psnr']:.1f} dB", picture) for name, picture in view.parts.items()),
+            *((f"{called(name)} {scores[f'{name}_psnr']:.1f} dB", picture) for name, picture in view.parts.items()),
             *_depth(view),
             ("error", error_colours(truth, view.colour)),
         ],
