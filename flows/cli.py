@@ -37,6 +37,7 @@ from flows.refusal import typed_errors
 from flows.scenes import scenes
 from flows.server import prefect_server
 from flows.settings import OURS, apply_local_environment
+from flows.status import status
 from flows.study import study
 from flows.study_generalisation import study_generalisation
 from flows.study_stability import study_stability
@@ -270,6 +271,7 @@ app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(worker)
+app.command()(status)
 app.command()(gc)
 app.command()(verify)
 app.add_typer(scenes, name="scenes")

@@ -20,10 +20,9 @@ from flows.collection_run import train_collection
 from flows.pool import BATCH, HOME, POOL
 from flows.regenerate import batch, regenerate
 from flows.serving import CPU, GPU
-from flows.settings import OURS
+from flows.settings import COLLECTION, OURS, SCENE
 from flows.study_run import stability, study_scene, tradeoff
 
-SCENE, COLLECTION = "scene", "collection"  # tags of what the registry holds
 _ONE_AT_A_TIME = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
 _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # flow, name, what it is given, description
     (

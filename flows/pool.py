@@ -64,8 +64,7 @@ class PoolWorker(ProcessWorker):
 
         before: called before each run, from a thread.
         """
-        name = f"{socket.gethostname()} {store.root.name} ({', '.join(queues)})"
-        super().__init__(POOL, list(queues), name, limit=limit, create_pool_if_not_found=False)
+        super().__init__(POOL, list(queues), _called(store, queues), limit=limit, create_pool_if_not_found=False)
         self._store, self._before = store, before
 
     async def run(
@@ -89,6 +88,15 @@ class PoolWorker(ProcessWorker):
         """Tell Prefect that this worker lives, if it can be told."""
         with _patient():
             await super().sync_with_backend()
+
+
+def _called(store: Store, queues: Iterable[str]) -> str:
+    return f"{socket.gethostname()} {store.root.name} ({', '.join(queues)})"
+
+
+def queues_of(name: str) -> tuple[str, ...]:
+    """Return which queues a worker serves: Prefect keeps nothing of a worker but its name."""
+    return tuple(name.rpartition("(")[2].rstrip(")").split(", "))
 
 
 def _leased(store: Store, flow_run: FlowRun) -> AbstractContextManager[object]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 HOME = "AUG3D_HOME"
 OURS = "aug3d"  # tag of everything that aug3d registers and runs with a Prefect server, which others may use too
+SCENE, COLLECTION = "scene", "collection"  # tags of what the registry holds
 
 
 def home() -> Path:

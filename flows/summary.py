@@ -22,7 +22,7 @@ from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
 from flows.display import figure
 
-_WIDTH = 120
+WIDTH = 120
 
 
 def tell_of_damage(store: Store, scene: str) -> None:
@@ -34,7 +34,7 @@ def tell_of_damage(store: Store, scene: str) -> None:
 def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     """Print everything a run tells."""
     if not console.is_terminal:
-        console.width = max(console.width, _WIDTH)  # a log has no width of its own
+        console.width = max(console.width, WIDTH)  # a log has no width of its own
     console.print(_stage_table(metrics))
     if decided := [row for row in metrics.get("needs", ()) if row["by"] == AUTO and not row["fold"]]:
         console.print(_needs_table(decided))

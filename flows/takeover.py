@@ -38,7 +38,7 @@ if TYPE_CHECKING:  # with obstore, which a store of one machine does without
 CANCELLED_WITHIN_S = 30.0
 _DUE_S = 5.0
 PAGE = 200  # the most that Prefect tells at a time
-_AT_WORK = StateType.RUNNING, StateType.PENDING, StateType.CANCELLING
+AT_WORK = StateType.RUNNING, StateType.PENDING, StateType.CANCELLING
 _ENDED = "its process ended before it did; finished steps are not made again"
 _PART_ENDED = "its process has ended; whoever started it can start it again"
 
@@ -55,7 +55,7 @@ async def take_over(client: PrefectClient, store: Store) -> None:
 
     Where the store is shared, another machine may execute a run of a deployment: `take_over_from_others` sees to these.
     """
-    for run in await _runs(client, store, *_AT_WORK):
+    for run in await our_runs(client, store, *AT_WORK):
         elsewhere = store.shared is not None and (
             run.deployment_id is not None or not (run.parameters.get("home") or was_here(store.root, str(run.id)))
         )
@@ -65,7 +65,7 @@ async def take_over(client: PrefectClient, store: Store) -> None:
 
 async def take_over_from_others(client: PrefectClient, store: Store, watch: Watch) -> None:
     """Look at the leases of all runs that workers execute, and put back in line what nobody has worked on for long."""
-    runs = {lease_of(run.id): run for run in await _runs(client, store, *_AT_WORK) if run.deployment_id}
+    runs = {lease_of(run.id): run for run in await our_runs(client, store, *AT_WORK) if run.deployment_id}
     for name in await asyncio.to_thread(watch.dead, list(runs)):
         async with in_thread(watch.taking_over(name)) as ours:
             now = await client.read_flow_run(runs[name].id)
@@ -84,9 +84,7 @@ async def _end(client: PrefectClient, run: FlowRun) -> None:
         state = Crashed(message="an earlier version of aug3d began it: start it again")
     else:
         state = AwaitingRetry(message=_ENDED)
-        parts = FlowRunFilter(
-            parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[run.id]), state=_in_state(*_AT_WORK)
-        )
+        parts = FlowRunFilter(parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[run.id]), state=_in_state(*AT_WORK))
         for part in await client.read_flow_runs(flow_run_filter=parts, limit=PAGE):
             if part.deployment_id is None:
                 await client.set_flow_run_state(part.id, Crashed(message=_PART_ENDED), force=True)
@@ -98,7 +96,7 @@ async def end_cancelled(client: PrefectClient, store: Store) -> None:
 
     A run without a process here may have one on another machine, whose worker does the same.
     """
-    for run in await _runs(client, store, StateType.CANCELLING):
+    for run in await our_runs(client, store, StateType.CANCELLING):
         if run.state and run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
             continue
         killed = False
@@ -120,19 +118,19 @@ async def cancel_started(client: PrefectClient, flow_run_id: UUID) -> None:
         lambda offset: client.read_flow_runs(flow_run_filter=started, limit=PAGE, offset=offset)
     ):
         if part.deployment_id:
-            at_work = part.state_type in _AT_WORK
+            at_work = part.state_type in AT_WORK
             state = Cancelling() if at_work else Cancelled(message="the batch that it belongs to was cancelled")
             await client.set_flow_run_state(part.id, state, force=True)
 
 
 def unfinished() -> FlowRunFilterState:
     """Return the filter of runs that have not ended."""
-    return _in_state(StateType.SCHEDULED, *_AT_WORK, StateType.PAUSED)
+    return _in_state(StateType.SCHEDULED, *AT_WORK, StateType.PAUSED)
 
 
 async def one_of_the_missed(client: PrefectClient, store: Store) -> None:
     """Of the runs that a deployment missed while nobody worked, keep the last: it makes up for all."""
-    due = [run for run in await _runs(client, store, StateType.SCHEDULED, due=True) if run.auto_scheduled]
+    due = [run for run in await our_runs(client, store, StateType.SCHEDULED, due=True) if run.auto_scheduled]
     last = {run.deployment_id: run for run in sorted(due, key=_start)}
     for run in due:
         if run.id != last[run.deployment_id].id:
@@ -145,7 +143,7 @@ def _start(run: FlowRun) -> datetime:
     return run.expected_start_time or datetime.max.replace(tzinfo=UTC)
 
 
-async def _runs(client: PrefectClient, store: Store, *states: StateType, due: bool = False) -> list[FlowRun]:
+async def our_runs(client: PrefectClient, store: Store, *states: StateType, due: bool = False) -> list[FlowRun]:
     """Return our runs in these states: not those of others on the same server, nor those of a terminal with another home."""
     chosen = FlowRunFilter(state=_in_state(*states), tags=FlowRunFilterTags(all_=[OURS]))
     if due:

@@ -22,7 +22,7 @@ from aug3d_core.scene_files.files import read_each
 from aug3d_core.scene_files.mirror import share
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
-from flows.deployments import COLLECTION, SCENE, of_collection, of_everything, of_scene
+from flows.deployments import of_collection, of_everything, of_scene
 from flows.pool import (
     BATCH,
     HOME,
@@ -38,7 +38,7 @@ from flows.pool import (
 )
 from flows.services import tell_ready
 from flows.serving import queues_from
-from flows.settings import OURS, home
+from flows.settings import COLLECTION, OURS, SCENE, home
 from flows.takeover import PAGE, on_all_pages, one_of_the_missed, take_over
 from tasks.mlflow_outbox import waiting
 from tasks.tracking import flush

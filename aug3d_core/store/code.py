@@ -199,9 +199,14 @@ def _module(name: str) -> _Module:
 
 @lru_cache(maxsize=2048)
 def _parsed(path: Path, _changed_at_ns: int) -> _Module:
+    return _understood(path.read_bytes())
+
+
+@lru_cache(maxsize=2048)
+def _understood(source: bytes) -> _Module:
     definitions: dict[str, list[_Statement]] = {}
     imports: dict[str, tuple[str, str]] = {}
-    for statement in _statements(_tree(path).body):
+    for statement in _statements(_tree(source).body):
         if isinstance(statement, ast.Import | ast.ImportFrom):
             imports.update(_bound(statement))
             continue
@@ -211,11 +216,11 @@ def _parsed(path: Path, _changed_at_ns: int) -> _Module:
     return _Module(definitions, imports)
 
 
-def _tree(path: Path) -> ast.Module:
+def _tree(source: bytes) -> ast.Module:
     try:
-        return ast.parse(path.read_bytes())
+        return ast.parse(source)
     except SystemError:  # two threads that parse at once can meet a bug of CPython 3.11 (gh-106905)
-        return ast.parse(path.read_bytes())
+        return ast.parse(source)
 
 
 def _statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:

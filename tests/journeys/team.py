@@ -70,6 +70,13 @@ class Team:
         runs = self.ask("flow_runs/filter", {})
         return {run["parameters"]["scene"]: run for run in runs if "scene" in run["parameters"]}
 
+    def status(self) -> dict[str, Any]:
+        """Return what `aug3d status` tells on the machine of `aug3d up`."""
+        words = [AUG3D, "status", "--json", "--home", str(self.folder / "up")]
+        done = subprocess.run(words, env=self._environment({}), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr + done.stdout
+        return json.loads(done.stdout)
+
     def join(self, name: str, core: int | None = None) -> None:
         """Start a worker with a home of its own, on one core if one is named, and wait until it takes runs."""
         words = [AUG3D, "worker", "--server", self.server, "--home", str(self.folder / name)]
@@ -112,11 +119,12 @@ class Team:
         return process
 
     def _begin(self, name: str, words: list[str], more: Mapping[str, str]) -> subprocess.Popen:
-        given = {key: value for key, value in os.environ.items() if not key.startswith(("PREFECT_", "MLFLOW_"))}
         with (self.folder / f"{name}.log").open("a") as log:
-            return subprocess.Popen(
-                words, stdout=log, stderr=log, preexec_fn=hear_signals, env={**given, **self.store, **more}
-            )
+            return subprocess.Popen(words, stdout=log, stderr=log, preexec_fn=hear_signals, env=self._environment(more))
+
+    def _environment(self, more: Mapping[str, str]) -> dict[str, str]:
+        given = {key: value for key, value in os.environ.items() if not key.startswith(("PREFECT_", "MLFLOW_"))}
+        return {**given, **self.store, **more}
 
 
 @contextmanager

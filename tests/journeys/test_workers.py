@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,18 @@ SCENES = {f"town{number}": {"training": {"steps": 10 + number}} for number in ra
 
 def test_a_batch_is_spread_and_each_object_is_made_once(own_environment: None, tmp_path: Path) -> None:
     with team(tmp_path, SCENES, ("one", "two")) as workers:
-        ended = workers.end_of(workers.start_all(), 600)
+        batch = workers.start_all()
+        told: dict[str, Any] = {}
+
+        def both_are_at_work() -> bool:
+            told.update(workers.status())
+            return len({run["machine"] for run in told["at_work"] if run["run"] in SCENES and run["steps"]}) == 2
+
+        workers.wait(both_are_at_work, 120, "both are at work")
+        assert sum(machine["online"] for machine in told["machines"]) == 4, "two of them and two of aug3d up"
+        waiting = {run["run"]: run["why"] for run in told["waiting"]}
+        assert set(waiting.values()) <= {"a machine is about to take it", "2 of 2 machines that take it are at work"}
+        ended = workers.end_of(batch, 600)
         assert (ended["type"], ended["message"]) == ("COMPLETED", "3 scenes are up to date")
         runs = workers.scenes()
         assert {scene: run["state"]["name"] for scene, run in runs.items()} == dict.fromkeys(SCENES, "Published")
@@ -24,6 +36,6 @@ def test_a_batch_is_spread_and_each_object_is_made_once(own_environment: None, t
         made = workers.made()
         assert set(made.values()) == {1}
         assert sum(name.startswith("town ") for name in made) == 1 and sum("training" in name for name in made) == 3
-        told = "".join(workers.log(name) for name in ("up", "one", "two"))
-        assert workers.token not in told.replace(f"token={workers.token}", "")
-        assert KEYS["AWS_SECRET_ACCESS_KEY"] not in told
+        said = "".join(workers.log(name) for name in ("up", "one", "two"))
+        assert workers.token not in said.replace(f"token={workers.token}", "")
+        assert KEYS["AWS_SECRET_ACCESS_KEY"] not in said
