@@ -54,7 +54,7 @@ def study_generalisation(
 
         def study(make: Make) -> list[Generalised]:
             made = make_data(store, entry, read_each(store), lambda of: make)
-            return make_cells(cells, lambda cell: make_cell(store, entry, made, cell, make), watch.done)
+            return make_cells(store, cells, lambda cell: make_cell(store, entry, made, cell, make), watch.done)
 
         results = carry_out(store, f"generalisation of {collection}", watch, study)
         found = findings(collection, seeds, describe_machine(), results)

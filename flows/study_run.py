@@ -128,7 +128,7 @@ def stability(
     runs = 1 if quick else seeds
     cells = cells_of(chosen(only, quick), runs, quick)
     with _working() as (store, make):
-        results = make_cells(cells, lambda cell: make_cell(store, cell, make), _done)
+        results = make_cells(store, cells, lambda cell: make_cell(store, cell, make), _done)
         found = stability_findings(size_of(only, quick), runs, describe_machine(), results)
         message = _published(store, stability_publication(store, found))
     if found.silent or found.crashes:

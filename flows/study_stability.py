@@ -51,7 +51,7 @@ def study_stability(
                 store,
                 "where methods break",
                 watch,
-                lambda make: make_cells(cells, lambda cell: make_cell(store, cell, make), watch.done),
+                lambda make: make_cells(store, cells, lambda cell: make_cell(store, cell, make), watch.done),
             )
             found = findings(size_of(only, quick), runs, describe_machine(), results)
             published = publication(store, found)

@@ -49,16 +49,34 @@ def lease(
     if mine is None:
         yield False
         return
+    with _renewed(bucket, mine, owner, lost):
+        yield not made()
+
+
+@contextmanager
+def claim(bucket: Bucket, name: str) -> Iterator[bool]:
+    """Hold the lease of a name, and yield True; or yield False if another holds it. Raises StoreError as the bucket does."""
+    owner = _owner()
+    mine = _acquire(bucket, f"leases/{name}", owner, lambda: True, lambda host: None)
+    if mine is None:
+        yield False
+        return
+    with _renewed(bucket, mine, owner, None):
+        yield True
+
+
+@contextmanager
+def _renewed(bucket: Bucket, mine: str, owner: dict, lost: Callable[[], None] | None) -> Iterator[None]:
     done = threading.Event()
     renewing = threading.Thread(target=_renew, args=(bucket, mine, owner, done, lost), daemon=True)
     renewing.start()
     try:
-        yield not made()
+        yield
     finally:
         done.set()
         renewing.join()
         with suppress(StoreError):  # it lapses
-            bucket.delete([each for each in bucket.names(f"leases/{name}/") if each <= mine])
+            bucket.delete([each for each in bucket.names(f"{mine.rpartition('/')[0]}/") if each <= mine])
 
 
 class Watch:

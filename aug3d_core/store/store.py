@@ -10,12 +10,13 @@ has read of others' objects.
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -378,6 +379,30 @@ class Store:
 
         with lease(shared.bucket, f"{stage}/{key}", lambda: shared.has_record(stage, key), waiting) as ours:
             yield ours
+
+    @contextmanager
+    def claim(self, cell: str) -> Iterator[bool]:
+        """Hold a cell of a study, and yield True; or yield False if another process, or machine, is at it."""
+        name = hashlib.sha256(cell.encode()).hexdigest()[:32]
+        lock = FileLock(self._lock_file("cell", name))
+        with suppress(Timeout):
+            lock.acquire(timeout=0)
+        if not lock.is_locked:
+            yield False
+            return
+        try:
+            with self._claimed(f"cells/{name}") as ours:
+                yield ours
+        finally:
+            Path(lock.lock_file).unlink(missing_ok=True)
+            lock.release()
+
+    def _claimed(self, name: str) -> AbstractContextManager[bool]:
+        if self.shared is None:
+            return nullcontext(True)
+        from aug3d_core.store.lease import claim
+
+        return claim(self.shared.bucket, name)
 
     @contextmanager
     def handing_over(self, stage: str, key: str, shards: Sequence[str]) -> Iterator[None]:

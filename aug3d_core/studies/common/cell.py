@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Trial
 
 
@@ -105,18 +107,28 @@ class Result(Generic[ArmT]):
 
 
 def make_cells(
+    store: Store,
     cells: Iterable[Cell[ArmT]],
     make_cell: Callable[[Cell[ArmT]], ResultT],
     done: Done[ResultT],
     before: int = 0,
 ) -> list[ResultT]:
-    """Make cells in their order. before: the number of cells that were done earlier.
+    """Make cells, and return their results in the same order. before: the number of cells that were done earlier.
 
-    Steps of a killed study are in the store, so the same call resumes it. Raises StoreError where every other cell would
-    fail too.
+    Steps of a killed study are in the store, so the same call resumes it. Processes, and machines that share the store, may
+    make the same cells at once: what another is at comes later, when it is there. Raises StoreError where every other cell
+    would fail too.
     """
-    cells, results = list(cells), []
-    for cell in cells:
-        results.append(make_cell(cell))
-        done(results[-1], before + len(results), before + len(cells))
-    return results
+    cells, results = list(cells), dict[int, ResultT]()
+    left, put_off = deque(range(len(cells))), 0
+    while left:
+        place = left.popleft()
+        with store.claim(cells[place].name) as ours:
+            if not ours and put_off < len(left):
+                left.append(place)
+                put_off += 1
+                continue
+            results[place] = make_cell(cells[place])
+        put_off = 0
+        done(results[place], before + len(results), before + len(cells))
+    return [results[place] for place in range(len(cells))]

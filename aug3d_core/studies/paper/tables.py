@@ -24,7 +24,7 @@ def make_table(
 
     def made(arms: Sequence[PaperArm], before: int) -> list[PaperResult]:
         cells = (Cell(arm, seed, fold) for seed in range(seeds) for arm in arms for fold in range(scene.folds))
-        return make_cells(cells, lambda cell: make_cell(store, scene, cell, make), done, before)
+        return make_cells(store, cells, lambda cell: make_cell(store, scene, cell, make), done, before)
 
     first = made(table.arms, 0)
     return first + made(table.then(judged(first)), len(first))

@@ -84,6 +84,6 @@ def make_shuffled(
     """Make cells in a random order, so that a slow hour of the machine favours none; return results in the given order."""
     order = np.random.default_rng(0).permutation(len(cells))
     results = make_cells(
-        [cells[index] for index in order], lambda cell: make_arm(store, scene, cell, there, make), done
+        store, [cells[index] for index in order], lambda cell: make_arm(store, scene, cell, there, make), done
     )
     return [results[place] for place in np.argsort(order)]

@@ -52,7 +52,7 @@ def studied(tmp_path: Path):
     make = stages.maker(store)
     made = make_data(store, ENTRY, SCENES, lambda of: make)
     cells = cells_of(ENTRY, ("sweep",), 1)
-    results = make_cells(cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
+    results = make_cells(store, cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
     return store, stages, results
 
 
@@ -117,7 +117,7 @@ def test_a_scene_that_was_not_made_fails_alone(tmp_path: Path):
     make = stages.maker(store)
     made = make_data(store, ENTRY, SCENES, lambda of: make)
     cells = cells_of(ENTRY, ("sweep",), 1)
-    results = make_cells(cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
+    results = make_cells(store, cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
     assert {result.arm.scene for result in results if result.failure} == {"south"}
     assert findings("all", 1, "m", results).failed
 
