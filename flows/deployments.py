@@ -21,7 +21,8 @@ from flows.pool import BATCH, HOME, POOL
 from flows.regenerate import batch, regenerate
 from flows.serving import CPU, GPU
 from flows.settings import COLLECTION, OURS, SCENE
-from flows.study_run import stability, study_scene, tradeoff
+from flows.shares import DEPLOYED
+from flows.study_run import share, stability, study_scene, tradeoff
 
 _ONE_AT_A_TIME = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
 _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # flow, name, what it is given, description
@@ -104,6 +105,14 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
         queue=BATCH,
         description="Makes scenes again, each as far as something changed, and as many at once as workers take.",
     )
+    yield await _deployment(
+        share,
+        name=DEPLOYED,
+        queue=CPU,
+        description="Started by studies, not by people: makes cells of a study of another machine.",
+        at_once=None,
+        tags=["study"],
+    )
     for study, name, given, description in _STUDIES:
         yield await _deployment(
             study,
@@ -120,6 +129,7 @@ async def _deployment(
     name: str,
     queue: str,
     description: str,
+    at_once: ConcurrencyLimitConfig | None = _ONE_AT_A_TIME,
     parameters: Mapping[str, Any] = {},
     tags: Sequence[str] = (),
     schedules: Sequence[Schedule] = (),
@@ -130,7 +140,7 @@ async def _deployment(
         schedules=list(schedules),
         tags=[OURS, *tags],
         description=description,
-        concurrency_limit=_ONE_AT_A_TIME,
+        concurrency_limit=at_once,
         entrypoint_type=EntrypointType.MODULE_PATH,
         work_pool_name=POOL,
         work_queue_name=queue,

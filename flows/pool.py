@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
 
 POOL = "aug3d"
+ONLINE = "ONLINE"  # Prefect's word for a worker that was seen of late
 HOME = "home"  # queue of what only the machine can do that has the scene files and the results of studies
 BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need
 REGISTRIES = (REGISTRY, COLLECTIONS)
@@ -64,7 +65,9 @@ class PoolWorker(ProcessWorker):
 
         before: called before each run, from a thread.
         """
-        super().__init__(POOL, list(queues), _called(store, queues), limit=limit, create_pool_if_not_found=False)
+        super().__init__(
+            POOL, list(queues), f"{machine(store)} ({', '.join(queues)})", limit=limit, create_pool_if_not_found=False
+        )
         self._store, self._before = store, before
 
     async def run(
@@ -90,13 +93,19 @@ class PoolWorker(ProcessWorker):
             await super().sync_with_backend()
 
 
-def _called(store: Store, queues: Iterable[str]) -> str:
-    return f"{socket.gethostname()} {store.root.name} ({', '.join(queues)})"
+def machine(store: Store) -> str:
+    """Return how a machine is called, with its home: a worker's name begins so."""
+    return f"{socket.gethostname()} {store.root.name}"
 
 
-def queues_of(name: str) -> tuple[str, ...]:
-    """Return which queues a worker serves: Prefect keeps nothing of a worker but its name."""
-    return tuple(name.rpartition("(")[2].rstrip(")").split(", "))
+def machine_of(worker: str) -> str:
+    """Return the machine of a worker, by the worker's name: Prefect keeps nothing else of a worker."""
+    return worker.rpartition(" (")[0]
+
+
+def queues_of(worker: str) -> tuple[str, ...]:
+    """Return which queues a worker serves, by its name."""
+    return tuple(worker.rpartition(" (")[2].rstrip(")").split(", "))
 
 
 def _leased(store: Store, flow_run: FlowRun) -> AbstractContextManager[object]:

@@ -24,7 +24,7 @@ from prefect.exceptions import ObjectNotFound
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
-from flows.pool import POOL, queues_of
+from flows.pool import ONLINE, POOL, queues_of
 from flows.settings import SCENE
 from flows.takeover import AT_WORK, PAGE, on_all_pages, our_runs
 
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from prefect.client.schemas.objects import Worker
 
 _WORKER = "prefect.worker.name"  # label of a run that Prefect gives it
-_ONLINE = "ONLINE"
 _ONE_AT_A_TIME = "AwaitingConcurrencySlot"  # Prefect's name of the state
 
 
@@ -64,7 +63,7 @@ def _machine(worker: Worker, at_work: Sequence[Mapping[str, Any]]) -> dict[str, 
     return {
         "machine": worker.name,
         "queues": list(queues_of(worker.name)),
-        "online": worker.status == _ONLINE,
+        "online": worker.status == ONLINE,
         "seen_s_ago": round((datetime.now(UTC) - seen).total_seconds()) if seen else None,
         "runs": [run["run"] for run in at_work if run["machine"] == worker.name],
     }

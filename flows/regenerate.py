@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 from uuid import UUID
 
-from prefect import Flow, flow
+from prefect import flow
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterParentFlowRunId
 from prefect.client.schemas.objects import FlowRun, State
@@ -31,7 +31,7 @@ from aug3d_core.store.traffic import Traffic
 from flows.factory import beside_published, make_version
 from flows.plan import made_of_the_same
 from flows.settings import home
-from flows.takeover import cancel_started, unfinished
+from flows.takeover import cancel_parts, unfinished
 from tasks import artifacts
 from tasks.progress import listening
 from tasks.run_locks import run_lock
@@ -72,12 +72,6 @@ def regenerate(
             metrics = _make(store, scene, entry, settings, plan, since)
             artifacts.publish_changes(scene, metrics)
         return _publish(store, scene, entry, settings, metrics)
-
-
-async def cancel_parts(flow: Flow[..., Any], flow_run: FlowRun, state: State) -> None:
-    """Cancel the runs that a batch started, as Prefect cancels the batch itself."""
-    async with get_client() as client:
-        await cancel_started(client, flow_run.id)
 
 
 @flow(name="regenerate scenes", flow_run_name="scenes {scenes}", on_cancellation=[cancel_parts])

@@ -1,17 +1,21 @@
 """Studies as Prefect flows: those of the Prefect UI, and the one in which a study of the command line runs.
 
-A step that is missing is a task of the flow, the same as in a run of the factory.
+A step that is missing is a task of the flow, the same as in a run of the factory. Where the store is shared, workers of other
+machines make cells too, each in a run of its own (`share`); the study itself reads what all have made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal, TypeVar
+from uuid import UUID
 
 from prefect import flow
+from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import State
 from prefect.states import Completed, Failed
+from prefect.utilities.callables import get_call_parameters
 from pydantic import Field
 
 from aug3d_core.bench.machine import describe_machine
@@ -23,6 +27,7 @@ from aug3d_core.studies.common.write import write_study
 from aug3d_core.studies.paper.arm import fitting
 from aug3d_core.studies.paper.augmentation import augmentation_table
 from aug3d_core.studies.paper.effort import repeats, study_effort
+from aug3d_core.studies.paper.findings import PaperFindings
 from aug3d_core.studies.paper.findings import findings as paper_findings
 from aug3d_core.studies.paper.grouping import grouping_table
 from aug3d_core.studies.paper.page import publication as paper_publication
@@ -30,15 +35,18 @@ from aug3d_core.studies.paper.scene import open_finished
 from aug3d_core.studies.paper.tables import make_table
 from aug3d_core.studies.stability.catalogue import cells_of, chosen, size_of
 from aug3d_core.studies.stability.cell import make_cell
+from aug3d_core.studies.stability.findings import StabilityFindings
 from aug3d_core.studies.stability.findings import findings as stability_findings
 from aug3d_core.studies.stability.page import publication as stability_publication
 from aug3d_core.studies.tradeoff.findings import crashes
 from aug3d_core.studies.tradeoff.page import in_words
 from aug3d_core.studies.tradeoff.page import publication as tradeoff_publication
 from aug3d_core.studies.tradeoff.scene import open_studied
-from aug3d_core.studies.tradeoff.study import MOST_DB
+from aug3d_core.studies.tradeoff.study import MOST_DB, TradeoffFindings
 from aug3d_core.studies.tradeoff.study import study_scene as study_tradeoff
 from flows.settings import home
+from flows.shares import SHARE, shared_out
+from flows.takeover import cancel_parts
 from tasks import artifacts
 from tasks.progress import Listener, listening, reporter
 from tasks.run_locks import run_lock
@@ -61,7 +69,7 @@ def as_flow(store: Store, name: str, listener: Listener, study: Callable[[Make],
     return found[0]
 
 
-@flow(name="study", flow_run_name="{study} of {scene}")
+@flow(name="study", flow_run_name="{study} of {scene}", on_cancellation=[cancel_parts])
 def study_scene(
     study: Annotated[Literal["grouping", "augmentation"], Field(description="Which of the paper's tables.")],
     scene: Annotated[str, Field(description="A scene with a finished run.")],
@@ -69,18 +77,22 @@ def study_scene(
     quick: Annotated[bool, Field(description="A few arms and few steps: takes minutes.")] = False,
 ) -> State:
     """Make and judge a finished scene in several ways, with intervals. Outputs in the store are reused."""
-    with _working() as (store, make):
-        opened = study_effort(open_finished(store, scene, None), quick, ())
-        table, runs = fitting(_TABLES[study](quick), opened.settings), repeats(seeds, quick)
-        results = make_table(store, table, opened, runs, make, _done)
-        found = paper_findings(table, opened, runs, results, describe_machine())
+    with _working() as (store, make), shared_out(store):
+        found = _table_found(store, make, study, scene, seeds, quick)
         message = _published(store, paper_publication(found))
     if found.failed:
         return Failed(message=f"{found.failed} of {len(found.results)} runs failed; {message}")
     return Completed(message=f"{len(found.results)} runs; {message}")
 
 
-@flow(name="tradeoff", flow_run_name="speed against accuracy of {scenes}")
+def _table_found(store: Store, make: Make, study: str, scene: str, seeds: int, quick: bool) -> PaperFindings:
+    opened = study_effort(open_finished(store, scene, None), quick, ())
+    table, runs = fitting(_TABLES[study](quick), opened.settings), repeats(seeds, quick)
+    results = make_table(store, table, opened, runs, make, _done)
+    return paper_findings(table, opened, runs, results, describe_machine())
+
+
+@flow(name="tradeoff", flow_run_name="speed against accuracy of {scenes}", on_cancellation=[cancel_parts])
 def tradeoff(
     scenes: Annotated[
         list[str], Field(description="demo for the built-in town, scenes of the registry, or with a finished run.")
@@ -102,19 +114,31 @@ def tradeoff(
 ) -> State:
     """Chart what every setting of the factory costs and gains. Outputs in the store are reused."""
     messages, crashed = [], 0
-    with _working() as (store, make):
-        for scene in [open_studied(store, name, None) for name in dict.fromkeys(scenes)]:
-            runs = 1 if quick else seeds
-            found = study_tradeoff(store, scene, quick, runs, target_db, search, make, _done, only)
+    with _working() as (store, make), shared_out(store):
+        for found in _tradeoffs_found(store, make, scenes, seeds, target_db, search, only, quick):
             message = _published(store, tradeoff_publication(found, describe_machine()))
             crashed += crashes(found)
-            messages.append(f"{scene.name}: {in_words(found)} {message}")
+            messages.append(f"{found.scene.name}: {in_words(found)} {message}")
     if crashed:
         return Failed(message=f"{crashed} runs ended in a way that no setting should cause; {'; '.join(messages)}")
     return Completed(message="; ".join(messages))
 
 
-@flow(name="stability", flow_run_name="where methods break")
+def _tradeoffs_found(
+    store: Store,
+    make: Make,
+    scenes: Sequence[str],
+    seeds: int,
+    target_db: float | None,
+    search: bool,
+    only: Sequence[str],
+    quick: bool,
+) -> Iterator[TradeoffFindings]:
+    for scene in [open_studied(store, name, None) for name in dict.fromkeys(scenes)]:
+        yield study_tradeoff(store, scene, quick, 1 if quick else seeds, target_db, search, make, _done, only)
+
+
+@flow(name="stability", flow_run_name="where methods break", on_cancellation=[cancel_parts])
 def stability(
     only: Annotated[
         list[str], Field(description="Only perturbations with words that begin with these; none: all.")
@@ -125,15 +149,40 @@ def stability(
     ] = False,
 ) -> State:
     """Find where each method breaks, and whether the factory notices. Outputs in the store are reused."""
-    runs = 1 if quick else seeds
-    cells = cells_of(chosen(only, quick), runs, quick)
-    with _working() as (store, make):
-        results = make_cells(store, cells, lambda cell: make_cell(store, cell, make), _done)
-        found = stability_findings(size_of(only, quick), runs, describe_machine(), results)
+    with _working() as (store, make), shared_out(store):
+        found = _stability_found(store, make, only, seeds, quick)
         message = _published(store, stability_publication(store, found))
     if found.silent or found.crashes:
         return Failed(message=f"{len(found.silent)} silent failures and {len(found.crashes)} crashes; {message}")
-    return Completed(message=f"{len(results)} cells, none silent; {message}")
+    return Completed(message=f"{len(found.results)} cells, none silent; {message}")
+
+
+def _stability_found(store: Store, make: Make, only: Sequence[str], seeds: int, quick: bool) -> StabilityFindings:
+    runs = 1 if quick else seeds
+    cells = cells_of(chosen(only, quick), runs, quick)
+    results = make_cells(store, cells, lambda cell: make_cell(store, cell, make), _done)
+    return stability_findings(size_of(only, quick), runs, describe_machine(), results)
+
+
+@flow(name=SHARE, flow_run_name="share of {study}")
+def share(study: Annotated[UUID, Field(description="The flow run of the study.")]) -> State:
+    """Make cells of a study of another machine: those that nobody is at. The study starts it, and reads what it made."""
+    with get_client(sync_client=True) as client:
+        run = client.read_flow_run(study)
+        name = client.read_flow(run.flow_id).name
+    whole, found = _STUDIES[name]
+    given = get_call_parameters(whole.fn, (), whole.validate_parameters(run.parameters))
+    with _working() as (store, make):
+        told = found(store, make, **given)
+        cells = sum(len(one.results) for one in (told if isinstance(told, Iterator) else [told]))
+    return Completed(message=f"all {cells} cells are there")
+
+
+_STUDIES = {
+    study_scene.name: (study_scene, _table_found),
+    tradeoff.name: (tradeoff, _tradeoffs_found),
+    stability.name: (stability, _stability_found),
+}
 
 
 @contextmanager

@@ -10,11 +10,12 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import AbstractContextManager, asynccontextmanager, suppress
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import UUID
 
 import psutil
-from prefect.client.orchestration import PrefectClient
+from prefect import Flow
+from prefect.client.orchestration import PrefectClient, get_client
 from prefect.client.schemas.filters import (
     FlowRunFilter,
     FlowRunFilterExpectedStartTime,
@@ -23,7 +24,7 @@ from prefect.client.schemas.filters import (
     FlowRunFilterStateType,
     FlowRunFilterTags,
 )
-from prefect.client.schemas.objects import FlowRun, StateType
+from prefect.client.schemas.objects import FlowRun, State, StateType
 from prefect.client.schemas.sorting import FlowRunSort
 from prefect.states import AwaitingRetry, Cancelled, Cancelling, Crashed
 from prefect.types import DateTime
@@ -121,6 +122,12 @@ async def cancel_started(client: PrefectClient, flow_run_id: UUID) -> None:
             at_work = part.state_type in AT_WORK
             state = Cancelling() if at_work else Cancelled(message="the batch that it belongs to was cancelled")
             await client.set_flow_run_state(part.id, state, force=True)
+
+
+async def cancel_parts(flow: Flow[..., Any], flow_run: FlowRun, state: State) -> None:
+    """Cancel the runs that a run started, as Prefect cancels the run itself."""
+    async with get_client() as client:
+        await cancel_started(client, flow_run.id)
 
 
 def unfinished() -> FlowRunFilterState:

@@ -1,4 +1,4 @@
-"""A worker's machine goes dark in mid-run: another takes the run over within two minutes, and goes on with the work."""
+"""Machines that share the work: one goes dark and another takes over within two minutes; scenes and studies are spread."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from aug3d_core.run.files import LOG
+from aug3d_core.store.layout import STUDIES, STUDY_PAGE
 from tests.attack.town_process import leftovers, stage_of
 from tests.journeys.team import Team, team
 
@@ -55,6 +57,21 @@ def test_workers_make_each_object_once(number: int, own_environment: None, tmp_p
         assert ended["message"] == f"{TOWNS} scenes are up to date"
         assert set(workers.made().values()) == {1}
         assert len({run["labels"]["prefect.worker.name"] for run in workers.scenes().values()}) == number
+
+
+def test_a_study_is_spread_over_all_machines(own_environment: None, tmp_path: Path) -> None:
+    """The machine of `aug3d up` makes cells too, and publishes."""
+    with team(tmp_path, {}, ("one", "two")) as workers:
+        started = time.monotonic()
+        study = workers.start("stability", only=["blur", "slope", "abrupt", "holes"], quick=True)
+        ended = workers.end_of(study, 1800)
+        print(f"\n{ended['message']} after {time.monotonic() - started:.0f} s")
+        assert ended["type"] == "COMPLETED" and "none silent" in ended["message"], ended["message"]
+        assert set(workers.made().values()) == {1}
+        made = {name: len([*(tmp_path / name / "objects").glob(f"*/*/{LOG}")]) for name in ("up", "one", "two")}
+        print(made)
+        assert min(made.values()) >= 3, "all had work"
+        assert len([*(tmp_path / "up" / STUDIES).rglob(STUDY_PAGE)]) == 1
 
 
 def at_work(workers: Team, stage: str) -> list[str]:

@@ -51,10 +51,14 @@ class Team:
                 time.sleep(1)
         raise AssertionError(f"{path}: Prefect's database is always busy")
 
+    def start(self, name: str, **parameters: Any) -> str:
+        """Start what is deployed under a name and return the run's id."""
+        [deployed] = [one for one in self.ask("deployments/filter", {}) if one["name"] == name]
+        return self.ask(f"deployments/{deployed['id']}/create_flow_run", {"parameters": parameters})["id"]
+
     def start_all(self) -> str:
         """Start the batch of all scenes and return its id."""
-        [batch] = [one for one in self.ask("deployments/filter", {}) if one["name"] == "all scenes"]
-        return self.ask(f"deployments/{batch['id']}/create_flow_run", {})["id"]
+        return self.start("all scenes")
 
     def run(self, flow_run: str) -> dict[str, Any]:
         """Return a flow run as it is now."""
