@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from functools import partial
 
 from prefect.client.orchestration import get_client
 
@@ -18,6 +19,8 @@ from flows.pool import (
     RUNS_AT_ONCE,
     PoolWorker,
     begin,
+    machine,
+    make_queue,
     watch_cancelled,
     watch_leases,
     work_until_ended,
@@ -38,8 +41,10 @@ def main() -> None:
 
 async def _work(store: Store, bucket: Bucket) -> None:
     async with get_client() as client:
+        await make_queue(client, machine(store))
         await take_over(client, store)
-    worker = PoolWorker(store, queues_from(os.environ), RUNS_AT_ONCE, lambda: bring(store, bucket, REGISTRIES))
+    queues, begin_with = queues_from(os.environ), partial(bring, store, bucket, REGISTRIES)
+    worker = PoolWorker(store, queues, RUNS_AT_ONCE, own=True, before=begin_with)
     tell_ready(store.root)
     print(f"{worker.name} takes runs", flush=True)
     await work_until_ended(worker.start(), watch_cancelled(store), tell_mlflow(store), watch_leases(store))

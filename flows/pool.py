@@ -59,15 +59,19 @@ class PoolWorker(ProcessWorker):
     job_configuration = _Job
 
     def __init__(
-        self, store: Store, queues: Iterable[str], limit: int, before: Callable[[], None] = lambda: None
+        self,
+        store: Store,
+        queues: Iterable[str],
+        limit: int,
+        own: bool = False,
+        before: Callable[[], None] = lambda: None,
     ) -> None:
         """Name the worker by machine, home and queues: the pages show it with each of its runs.
 
-        before: called before each run, from a thread.
+        own: whether it also serves the machine's own queue. before: called before each run, from a thread.
         """
-        super().__init__(
-            POOL, list(queues), f"{machine(store)} ({', '.join(queues)})", limit=limit, create_pool_if_not_found=False
-        )
+        name, served = f"{machine(store)} ({', '.join(queues)})", [*queues, *([machine(store)] if own else [])]
+        super().__init__(POOL, served, name, limit=limit, create_pool_if_not_found=False)
         self._store, self._before = store, before
 
     async def run(
@@ -94,7 +98,7 @@ class PoolWorker(ProcessWorker):
 
 
 def machine(store: Store) -> str:
-    """Return how a machine is called, with its home: a worker's name begins so."""
+    """Return how a machine is called, with its home: a worker's name begins so, and the queue of what it alone is to do."""
     return f"{socket.gethostname()} {store.root.name}"
 
 
@@ -125,8 +129,13 @@ async def make_pool(client: PrefectClient) -> None:
         template = PoolWorker.get_default_base_job_template()
         await client.create_work_pool(WorkPoolCreate(name=POOL, type=PoolWorker.type, base_job_template=template))
     for queue in (CPU, GPU, HOME, BATCH):
-        with suppress(ObjectAlreadyExists):
-            await client.create_work_queue(queue, work_pool_name=POOL)
+        await make_queue(client, queue)
+
+
+async def make_queue(client: PrefectClient, queue: str) -> None:
+    """Make a queue of the pool if it is not there yet."""
+    with suppress(ObjectAlreadyExists):
+        await client.create_work_queue(queue, work_pool_name=POOL)
 
 
 def begin(home: Path) -> Store:

@@ -24,7 +24,7 @@ from prefect.exceptions import ObjectNotFound
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
-from flows.pool import ONLINE, POOL, queues_of
+from flows.pool import ONLINE, POOL, machine_of, queues_of
 from flows.settings import SCENE
 from flows.takeover import AT_WORK, PAGE, on_all_pages, our_runs
 
@@ -138,7 +138,8 @@ def _waiting(run: FlowRun, machines: Sequence[Mapping[str, Any]]) -> dict[str, A
 
 def _why(run: FlowRun, machines: Sequence[Mapping[str, Any]]) -> str:
     """Say why nobody executes a run that is due."""
-    takers = [one for one in machines if one["online"] and run.work_queue_name in one["queues"]]
+    serving = ((one, (*one["queues"], machine_of(one["machine"]))) for one in machines if one["online"])
+    takers = [one for one, queues in serving if run.work_queue_name in queues]
     if run.state_name == _ONE_AT_A_TIME:
         return "an earlier run of the same is at work"
     if not takers:

@@ -28,25 +28,26 @@ def shared_out(store: Store) -> Iterator[None]:
         return
     study = str(flow_run.id)
     try:
-        for number in range(_others(store)):
+        for other in _others(store):
             run_deployment(
                 f"{SHARE}/{DEPLOYED}",
                 parameters={"study": study},
                 timeout=0,
-                idempotency_key=f"{study} {number}",  # a study that is taken over finds those that it began
+                work_queue_name=other,
+                idempotency_key=f"{study} {other}",  # a study that is taken over finds those that it began
             )
         yield
     finally:
         asyncio.run(_end(UUID(study)))
 
 
-def _others(store: Store) -> int:
-    """Return how many other machines take runs that any can do."""
+def _others(store: Store) -> list[str]:
+    """Return which other machines take runs that any can do."""
     with get_client(sync_client=True) as client:
         workers = client.read_workers_for_work_pool(POOL)
     online = (worker.name for worker in workers if worker.status == ONLINE)
     takers = {machine_of(name) for name in online if CPU in queues_of(name)}
-    return len(takers - {machine(store)})
+    return sorted(takers - {machine(store)})
 
 
 async def _end(study: UUID) -> None:
