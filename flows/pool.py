@@ -28,7 +28,7 @@ from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.files import REGISTRY
 from aug3d_core.store.store import Store
 from flows.serving import CPU, GPU
-from flows.takeover import end_cancelled, in_thread, lease_of, take_over_from_others
+from flows.takeover import end_cancelled, in_thread, lease_of, put_back, take_over_from_others
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
@@ -80,10 +80,13 @@ class PoolWorker(ProcessWorker):
         configuration: ProcessJobConfiguration,
         task_status: TaskStatus[int] | None = None,
     ) -> ProcessWorkerResult:
-        """Execute a run, and tell other machines all the while that somebody does."""
+        """Execute a run, and tell other machines all the while that somebody does; one that is killed goes on."""
         async with in_thread(_leased(self._store, flow_run)):
             await asyncio.to_thread(self._before)
-            return await super().run(flow_run, configuration, task_status)
+            result = await super().run(flow_run, configuration, task_status)
+            if result.status_code and await put_back(self.client, flow_run.id):
+                return result.model_copy(update={"status_code": 0})  # or Prefect calls it crashed
+            return result
 
     async def get_and_submit_flow_runs(self) -> list[FlowRun]:
         """Ask for runs; without an answer there are none yet, and those at work go on."""

@@ -114,8 +114,12 @@ def _left(client: SyncPrefectClient) -> dict[str, FlowRun]:
 
 
 def _ends(client: SyncPrefectClient, runs: Sequence[UUID]) -> dict[UUID, State]:
-    """Wait for runs to end, and return their last states."""
+    """Wait for runs to end, and return their last states.
+
+    One that crashed may be put back in line by its worker: that is an end when it stays so.
+    """
     ends: dict[UUID, State] = {}
+    crashed: set[UUID] = set()
     while waiting := [run for run in runs if run not in ends]:
         time.sleep(_ASK_EVERY_S)
         for start in range(0, len(waiting), _AT_ONCE):
@@ -123,7 +127,9 @@ def _ends(client: SyncPrefectClient, runs: Sequence[UUID]) -> dict[UUID, State]:
             found = client.read_flow_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=asked)), limit=_AT_ONCE)
             states = {run.id: run.state for run in found}
             now = {run: states.get(run, Failed(message="its run was deleted")) for run in asked}
-            ends |= {run: state for run, state in now.items() if state and state.is_final()}
+            final = {run: state for run, state in now.items() if state and state.is_final()}
+            ends |= {run: state for run, state in final.items() if not state.is_crashed() or run in crashed}
+            crashed = crashed - now.keys() | {run for run, state in final.items() if state.is_crashed()}
     return ends
 
 

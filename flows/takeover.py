@@ -39,7 +39,9 @@ if TYPE_CHECKING:  # with obstore, which a store of one machine does without
 CANCELLED_WITHIN_S = 30.0
 _DUE_S = 5.0
 PAGE = 200  # the most that Prefect tells at a time
-AT_WORK = StateType.RUNNING, StateType.PENDING, StateType.CANCELLING
+MOST_STARTS = 3  # of a run whose process is killed each time, as by a machine without memory
+_STARTED = StateType.RUNNING, StateType.PENDING
+AT_WORK = *_STARTED, StateType.CANCELLING
 _ENDED = "its process ended before it did; finished steps are not made again"
 _PART_ENDED = "its process has ended; whoever started it can start it again"
 
@@ -72,6 +74,15 @@ async def take_over_from_others(client: PrefectClient, store: Store, watch: Watc
             now = await client.read_flow_run(runs[name].id)
             if ours and now.state_id == runs[name].state_id:  # and it has not ended meanwhile
                 await _end(client, now)
+
+
+async def put_back(client: PrefectClient, flow_run_id: UUID) -> bool:
+    """Put a run back in line whose process was killed, unless that has happened too often; say whether it is in line."""
+    run = await client.read_flow_run(flow_run_id)
+    if run.state_type not in (*_STARTED, StateType.CRASHED) or run.run_count >= MOST_STARTS:
+        return False
+    await _end(client, run)
+    return True
 
 
 async def _end(client: PrefectClient, run: FlowRun) -> None:

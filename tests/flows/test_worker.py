@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Coroutine, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -26,11 +28,18 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 _FLOW = """
 import os
 from prefect import flow
+from prefect.runtime import flow_run
 from prefect.states import Completed
 
 @flow
 def told():
     return Completed(message=f"of {os.getppid()}, supervised {os.environ['AUG3D_SUPERVISED']}")
+
+@flow
+def killed_once():
+    if flow_run.run_count == 1:
+        os.kill(os.getpid(), 9)
+    return Completed(message=f"start {flow_run.run_count}")
 """
 
 
@@ -320,35 +329,113 @@ def test_what_cannot_be_reached_now_is_asked_again(
     assert "refused" in capsys.readouterr().out
 
 
+def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process and those of runs find the flows of these tests."""
+    (folder / "flow_of_a_test.py").write_text(_FLOW)
+    monkeypatch.delitem(sys.modules, "flow_of_a_test", raising=False)
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(Path(__file__).parents[2])]))
+
+
+async def begun(name: str) -> Any:
+    """Deploy a flow of these tests, and return the id of a run of it that waits for a worker of the home."""
+    import flow_of_a_test  # type: ignore[import-not-found]
+    from prefect.client.orchestration import get_client
+    from prefect.types.entrypoint import EntrypointType
+
+    from flows.pool import HOME, POOL
+
+    made = await getattr(flow_of_a_test, name).ato_deployment(
+        name, work_pool_name=POOL, work_queue_name=HOME, entrypoint_type=EntrypointType.MODULE_PATH
+    )
+    deployment = await made.aapply()
+    async with get_client() as client:
+        return (await client.create_flow_run_from_deployment(deployment)).id
+
+
+async def ended(flow_run: Any) -> Any:
+    from prefect.client.orchestration import get_client
+
+    async with get_client() as client:
+        return await client.read_flow_run(flow_run)
+
+
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning"
+)  # Prefect leaves a socket open where it dies
+def test_a_run_whose_process_is_killed_goes_on(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from flows.pool import HOME, PoolWorker
+
+    written(tmp_path, monkeypatch)
+
+    async def executed() -> list[Any]:
+        run, seen = await begun("killed_once"), []
+        for _ in range(2):
+            await PoolWorker(store, (HOME,), 1).start(run_once=True)
+            seen.append(await ended(run))
+        return seen
+
+    first, last = run(executed())
+    gc.collect()
+    assert (first.state.name, last.state.name, last.run_count) == ("AwaitingRetry", "Completed", 2)
+
+
+def test_a_run_that_is_killed_each_time_is_given_up(store: Store) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.states import Crashed, Running
+
+    from flows import takeover
+    from flows.deployments import of_scene
+
+    async def states() -> list[tuple[bool, str]]:
+        seen = []
+        async with get_client() as client:
+            deployment = await (await of_scene("killed", scene())).aapply()
+            run = (await client.create_flow_run_from_deployment(deployment)).id
+            for state in (Running(), Running(), Crashed(), Running()):
+                if state.is_crashed():
+                    await client.set_flow_run_state(run, Running(), force=True)
+                await client.set_flow_run_state(run, state, force=True)
+                in_line = await takeover.put_back(client, run)
+                seen.append((in_line, (await client.read_flow_run(run)).state.name))
+        return seen
+
+    assert run(states()) == [(True, "AwaitingRetry")] * 2 + [(False, "Crashed"), (False, "Running")]
+
+
+def test_a_run_that_was_cancelled_or_failed_stays_so(store: Store) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelled, Cancelling, Completed, Failed
+
+    from flows import takeover
+    from flows.deployments import of_scene
+
+    async def put_back() -> list[bool]:
+        async with get_client() as client:
+            deployment = await (await of_scene("ended", scene())).aapply()
+            states = Cancelled(), Cancelling(), Completed(), Failed()
+            runs = [await client.create_flow_run_from_deployment(deployment, state=state) for state in states]
+            return [await takeover.put_back(client, made.id) for made in runs]
+
+    assert run(put_back()) == [False] * 4
+
+
 def test_a_worker_executes_a_run_under_its_lease(
     shared: Bucket, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run's process is one of its own, and dies with the worker's."""
-    from prefect.client.orchestration import get_client
-    from prefect.types.entrypoint import EntrypointType
+    from flows.pool import HOME, PoolWorker
 
-    from flows.pool import HOME, POOL, PoolWorker
+    written(tmp_path, monkeypatch)
+    leases: list[str] = []
 
-    (tmp_path / "flow_of_a_test.py").write_text(_FLOW)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])]))
-    brought: list[str] = []
-
-    async def executed() -> tuple[Any, list[str]]:
-        import flow_of_a_test  # type: ignore[import-not-found]
-
-        made = await flow_of_a_test.told.ato_deployment(
-            "told", work_pool_name=POOL, work_queue_name=HOME, entrypoint_type=EntrypointType.MODULE_PATH
-        )
-        deployment = await made.aapply()
-        async with get_client() as client:
-            run = await client.create_flow_run_from_deployment(deployment)
-        worker = PoolWorker(store, (HOME,), 1, lambda: brought.append(",".join(shared.names("leases/runs/"))))
+    async def executed() -> Any:
+        run = await begun("told")
+        worker = PoolWorker(store, (HOME,), 1, before=lambda: leases.append(",".join(shared.names("leases/runs/"))))
         await worker.start(run_once=True)
-        async with get_client() as client:
-            return await client.read_flow_run(run.id), brought
+        return await ended(run)
 
-    done, leases = run(executed())
+    done = run(executed())
     assert done.state.is_completed(), done.state.message
     assert f"of {os.getpid()}, supervised 1" in done.state.message
     assert leases == [f"leases/runs/{done.id}/00000000"] and shared.names("leases/") == []
