@@ -17,6 +17,7 @@ from prefect.client.schemas.filters import (
     TaskRunFilter,
     TaskRunFilterState,
     TaskRunFilterStateType,
+    TaskRunFilterSubFlowRuns,
 )
 from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.exceptions import ObjectNotFound
@@ -71,15 +72,17 @@ def _machine(worker: Worker, at_work: Sequence[Mapping[str, Any]]) -> dict[str, 
 
 async def _at_work(client: PrefectClient, store: Store, run: FlowRun) -> dict[str, Any]:
     steps = await _steps(client, run.id, StateType.RUNNING)
-    percent = await _percent(client, run.id, steps)
+    percent, doing = await _progress(client, run.id, steps)
     scene = _scene(run)
     return {
         "run": run.name,
+        "scene": scene,
         "machine": run.labels.get(_WORKER),
         "state": run.state_name,
         "since": _since(run).isoformat(timespec="seconds"),
         "steps": steps,
         "percent": percent,
+        "doing": doing,
         "left_s": None
         if scene is None
         else _left_s(store, scene, await _steps(client, run.id, StateType.COMPLETED), steps, percent),
@@ -87,18 +90,18 @@ async def _at_work(client: PrefectClient, store: Store, run: FlowRun) -> dict[st
 
 
 async def _steps(client: PrefectClient, run: UUID, state: StateType) -> list[str]:
-    """Return the steps of a run that are in a state."""
-    states = TaskRunFilterState(type=TaskRunFilterStateType(any_=[state]))
-    found = await client.read_task_runs(
-        flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[run])),
-        task_run_filter=TaskRunFilter(state=states),
-        limit=PAGE,
+    """Return the steps of a run that are in a state; runs that it started are none."""
+    chosen = TaskRunFilter(
+        state=TaskRunFilterState(type=TaskRunFilterStateType(any_=[state])),
+        subflow_runs=TaskRunFilterSubFlowRuns(exists_=False),
     )
+    of_run = FlowRunFilter(id=FlowRunFilterId(any_=[run]))
+    found = await client.read_task_runs(flow_run_filter=of_run, task_run_filter=chosen, limit=PAGE)
     return [task.name for task in found]
 
 
-async def _percent(client: PrefectClient, run: UUID, steps: Sequence[str]) -> float | None:
-    """Return how far the last step is that tells it, if that is at work."""
+async def _progress(client: PrefectClient, run: UUID, steps: Sequence[str]) -> tuple[float | None, str]:
+    """Return how far the last step is that tells it, if that is at work, and what it says that it does."""
     told = await client.read_artifacts(
         artifact_filter=ArtifactFilter(
             type=ArtifactFilterType(any_=["progress"]), flow_run_id=ArtifactFilterFlowRunId(any_=[run])
@@ -107,7 +110,7 @@ async def _percent(client: PrefectClient, run: UUID, steps: Sequence[str]) -> fl
     )
     of_steps = [one for one in told if one.updated and (one.description or "").partition(":")[0] in steps]
     last = max(of_steps, key=lambda one: one.updated or datetime.min.replace(tzinfo=UTC), default=None)
-    return round(float(str(last.data)), 1) if last else None
+    return (round(float(str(last.data)), 1), str(last.description).partition(": ")[2]) if last else (None, "")
 
 
 def _left_s(

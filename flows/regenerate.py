@@ -74,7 +74,12 @@ def regenerate(
         return _publish(store, scene, entry, settings, metrics)
 
 
-@flow(name="regenerate scenes", flow_run_name="scenes {scenes}", on_cancellation=[cancel_parts])
+def batch_name() -> str:
+    """Return what a batch is called in the pages."""
+    return ", ".join(flow_run.parameters["scenes"]) or "all scenes"
+
+
+@flow(name="regenerate scenes", flow_run_name=batch_name, on_cancellation=[cancel_parts])
 def batch(
     scenes: Annotated[list[str], Field(description="Registered scenes; leave empty for all.")] = [],
 ) -> State:

@@ -123,10 +123,11 @@ def _machines(machines: list[dict[str, Any]]) -> Table:
 def _at_work(runs: list[dict[str, Any]]) -> Table:
     table = Table("run", "machine", "since (UTC)", "step", "left, at most", title="at work")
     for run in runs:
-        percent = "" if run["percent"] is None else f" {run['percent']:.0f} %"
+        percent = "" if run["percent"] is None else f" {run['percent']:.0f} % ({run['doing']})"
         step = ", ".join(run["steps"]) or run["state"]
-        left = "not known: its first time" if run["left_s"] is None else _duration(run["left_s"])
-        table.add_row(escape(run["run"]), escape(run["machine"] or "-"), _clock(run), f"{step}{percent}", left)
+        unknown = "not known: its first time" if run["scene"] else "-"
+        left = unknown if run["left_s"] is None else _duration(run["left_s"])
+        table.add_row(escape(run["run"]), escape(run["machine"] or "-"), _clock(run), escape(f"{step}{percent}"), left)
     return table
 
 

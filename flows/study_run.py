@@ -14,6 +14,7 @@ from uuid import UUID
 from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import State
+from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 from prefect.utilities.callables import get_call_parameters
 from pydantic import Field
@@ -92,7 +93,12 @@ def _table_found(store: Store, make: Make, study: str, scene: str, seeds: int, q
     return paper_findings(table, opened, runs, results, describe_machine())
 
 
-@flow(name="tradeoff", flow_run_name="speed against accuracy of {scenes}", on_cancellation=[cancel_parts])
+def tradeoff_name() -> str:
+    """Return what a study of speed against accuracy is called in the pages."""
+    return f"speed against accuracy of {', '.join(flow_run.parameters['scenes'])}"
+
+
+@flow(name="tradeoff", flow_run_name=tradeoff_name, on_cancellation=[cancel_parts])
 def tradeoff(
     scenes: Annotated[
         list[str], Field(description="demo for the built-in town, scenes of the registry, or with a finished run.")

@@ -118,8 +118,8 @@ class PrefectProgress:
         """A step that turns out to be cached has no progress."""
 
     def advanced(self, step: str, done: int, total: int, what: str) -> None:
-        """Tell at most every two seconds: each time is a call to the server. One that fails is logged."""
-        if time.monotonic() - self._told < _TELL_EVERY_S:
+        """Tell the first of a step, then at most every two seconds: each is a call to the server. One that fails is logged."""
+        if step in self._of and time.monotonic() - self._told < _TELL_EVERY_S:
             return
         self._told = time.monotonic()
         with failures_logged():

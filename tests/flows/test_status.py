@@ -80,7 +80,8 @@ def test_each_machine_and_each_run_is_told(prefect: None, tmp_path: Path) -> Non
     [machine] = [one for one in facts["machines"] if one["machine"].startswith("box status")]
     assert machine["online"] and machine["queues"] == ["cpu", "home"] and machine["runs"] == ["status one"]
     [run] = [one for one in facts["at_work"] if one["run"] == "status one"]
-    assert (run["steps"], run["percent"], run["machine"]) == (["depth"], 40.0, machine["machine"])
+    assert (run["steps"], run["percent"], run["doing"]) == (["depth"], 40.0, "photographs")
+    assert run["machine"] == machine["machine"]
     assert run["left_s"] == 0.6 * STAGES["depth"]["seconds"] + STAGES["training"]["seconds"]
     why = {one["run"]: one["why"] for one in facts["waiting"]}
     assert why["status three"] == "no machine takes runs of the queue gpu"
