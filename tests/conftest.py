@@ -12,6 +12,7 @@ from typing import Any
 
 import hypothesis
 import pytest
+from filelock import FileLock
 from jaxtyping import install_import_hook
 
 import tests.shapes  # noqa: F401  (the hook below looks it up by name)
@@ -117,9 +118,17 @@ def own_environment() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def small_town(own_environment: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Make the small town, and return its home and what its first run told."""
-    home = tmp_path_factory.mktemp("demo")
+    """Make the small town once for all processes, and return its home and what its first run told.
+
+    Only the tests of one process may use the home: they go on with it.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    home, told = folder / "small_town", folder / "small_town.json"
     words = [str(Path(sys.executable).parent / "aug3d"), "demo", "--json", "--home", str(home), *OVERRIDES]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
-    return home, json.loads(done.stdout)
+    with FileLock(folder / "small_town.lock"):
+        if not told.exists():
+            done = subprocess.run(words, capture_output=True, text=True)
+            assert done.returncode in (0, 3), done.stderr[-3000:] + done.stdout[-2000:]
+            told.write_text(done.stdout)
+    return home, json.loads(told.read_text())

@@ -24,15 +24,12 @@ _KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
 _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
 _PROGRAMS = ("attack", "flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
 _LONGEST_FIRST = (
-    "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/infra", "tests/engines", "tests/flows",
-    "tests/tasks",
+    "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/journeys/test_workers.py", "tests/infra",
+    "tests/journeys/test_shared_store.py", "tests/engines", "tests/flows", "tests/tasks",
 )  # fmt: skip
-# Files of one scene: what the first of them makes, the others use.
+# Files of one home: what the first of them makes, the others use.
 _TOGETHER = {
-    "tests/journeys/test_shared_store.py": "tests/journeys/test_demo.py",
     "tests/journeys/test_study.py": "tests/journeys/test_demo.py",
-    "tests/attack/test_kills.py": "tests/journeys/test_demo.py",
-    "tests/attack/test_kills_of_up.py": "tests/journeys/test_demo.py",
     "tests/journeys/test_bad_input.py": "tests/journeys/test_daily_use.py",
     "tests/journeys/test_import.py": "tests/journeys/test_daily_use.py",
 }
@@ -176,8 +173,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Use one process more than cores, since half of a test's time is waiting; so there are always both kinds."""
-    return 1 + len(os.sched_getaffinity(0))
+    """Use two processes more than cores, since half of a test's time is waiting: on two cores each has both kinds."""
+    return 2 + len(os.sched_getaffinity(0))
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Apart:

@@ -9,6 +9,7 @@ from aug3d_core.run.metric import declared
 from aug3d_core.run.stage import Stage
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.town.config import MESH_TRUTH_PRESETS, PRESETS, TRUTH_PRESETS, MeshTruthConfig, TownConfig, TruthConfig
+from aug3d_core.town.files import TOWN_PHOTOS
 
 TOWN = Stage(
     name="town",
@@ -24,6 +25,7 @@ TOWN = Stage(
         neither="photos triangles buildings",
     ),
     resumable=True,
+    shards=(f"{TOWN_PHOTOS}/*.jpg",),
 )
 TRUTH = Stage(
     name="truth",

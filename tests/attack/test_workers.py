@@ -19,7 +19,7 @@ WITHIN_S = 120.0
 TOWNS = 6
 
 
-@pytest.mark.parametrize("stage", ["matching", "depth", "training"])
+@pytest.mark.parametrize("stage", ["town", "matching", "depth", "training"])
 def test_another_worker_takes_over_what_a_killed_one_did(stage: str, own_environment: None, tmp_path: Path) -> None:
     with team(tmp_path, {"town": {}}, ("one", "two")) as workers:
         batch = workers.start_all()

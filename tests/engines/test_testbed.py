@@ -15,6 +15,7 @@ from aug3d_core.photos.exif import read_exif
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard
 from aug3d_core.rendering.launch import render
 from aug3d_core.town.config import TownConfig
+from aug3d_core.town.declared import TOWN
 from aug3d_core.town.files import TOWN_PHOTOS, TRUTH_FOOTPRINTS, TRUTH_LENS, TRUTH_MESH, TRUTH_POSES
 from aug3d_core.town.stage import photo_name, run
 
@@ -73,6 +74,11 @@ def test_a_killed_run_continues_and_ends_in_the_same_bytes(town):
     )
     assert {p: p.read_bytes() for p in (town / TOWN_PHOTOS).iterdir()} == files
     assert (town / TRUTH_MESH).read_bytes() == truth
+
+
+def test_what_another_machine_goes_on_with_is_every_photograph(town):
+    handed_over = {path for pattern in TOWN.shards for path in town.glob(pattern)}
+    assert handed_over == set((town / TOWN_PHOTOS).iterdir())
 
 
 def test_the_true_mesh_seen_from_the_true_pose_lies_on_the_photograph(town, tmp_path):
