@@ -42,6 +42,7 @@ PAGE = 200  # the most that Prefect tells at a time
 MOST_STARTS = 3  # of a run whose process is killed each time, as by a machine without memory
 _STARTED = StateType.RUNNING, StateType.PENDING
 AT_WORK = *_STARTED, StateType.CANCELLING
+_IN_LINE = AwaitingRetry().name
 _ENDED = "its process ended before it did; finished steps are not made again"
 _PART_ENDED = "its process has ended; whoever started it can start it again"
 
@@ -79,7 +80,10 @@ async def take_over_from_others(client: PrefectClient, store: Store, watch: Watc
 async def put_back(client: PrefectClient, flow_run_id: UUID) -> bool:
     """Put a run back in line whose process was killed, unless that has happened too often; say whether it is in line."""
     run = await client.read_flow_run(flow_run_id)
-    if run.state_type not in (*_STARTED, StateType.CRASHED) or run.run_count >= MOST_STARTS:
+    before = [
+        state.name for state in await client.read_flow_run_states(flow_run_id)
+    ]  # a start that fails early counts too
+    if run.state_type not in (*_STARTED, StateType.CRASHED) or before.count(_IN_LINE) >= MOST_STARTS - 1:
         return False
     await _end(client, run)
     return True
