@@ -39,10 +39,10 @@ if TYPE_CHECKING:  # with obstore, which a store of one machine does without
 CANCELLED_WITHIN_S = 30.0
 _DUE_S = 5.0
 PAGE = 200  # the most that Prefect tells at a time
-MOST_STARTS = 3  # of a run whose process is killed each time, as by a machine without memory
+MOST_KILLS = 3  # of a run's process while its worker lives, as by a machine without memory
 _STARTED = StateType.RUNNING, StateType.PENDING
 AT_WORK = *_STARTED, StateType.CANCELLING
-_IN_LINE = AwaitingRetry().name
+_KILLED = "its process was killed; finished steps are not made again"
 _ENDED = "its process ended before it did; finished steps are not made again"
 _PART_ENDED = "its process has ended; whoever started it can start it again"
 
@@ -79,17 +79,15 @@ async def take_over_from_others(client: PrefectClient, store: Store, watch: Watc
 
 async def put_back(client: PrefectClient, flow_run_id: UUID) -> bool:
     """Put a run back in line whose process was killed, unless that has happened too often; say whether it is in line."""
-    run = await client.read_flow_run(flow_run_id)
-    before = [
-        state.name for state in await client.read_flow_run_states(flow_run_id)
-    ]  # a start that fails early counts too
-    if run.state_type not in (*_STARTED, StateType.CRASHED) or before.count(_IN_LINE) >= MOST_STARTS - 1:
+    run, before = await client.read_flow_run(flow_run_id), await client.read_flow_run_states(flow_run_id)
+    kills = 1 + sum(state.message == _KILLED for state in before)
+    if run.state_type not in (*_STARTED, StateType.CRASHED) or kills >= MOST_KILLS:
         return False
-    await _end(client, run)
+    await _end(client, run, _KILLED)
     return True
 
 
-async def _end(client: PrefectClient, run: FlowRun) -> None:
+async def _end(client: PrefectClient, run: FlowRun, why: str = _ENDED) -> None:
     """Say that a run's process has ended, and those of its parts."""
     if run.state_type == StateType.CANCELLING:
         await cancel_started(client, run.id)
@@ -99,7 +97,7 @@ async def _end(client: PrefectClient, run: FlowRun) -> None:
     elif run.work_queue_id is None:
         state = Crashed(message="an earlier version of aug3d began it: start it again")
     else:
-        state = AwaitingRetry(message=_ENDED)
+        state = AwaitingRetry(message=why)
         parts = FlowRunFilter(parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[run.id]), state=_in_state(*AT_WORK))
         for part in await client.read_flow_runs(flow_run_filter=parts, limit=PAGE):
             if part.deployment_id is None:

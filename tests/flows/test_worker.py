@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Coroutine, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -445,6 +446,9 @@ def test_of_the_missed_runs_one_makes_up_for_all(store: Store) -> None:
 
     from flows.deployments import of_scene
     from flows.takeover import one_of_the_missed
+
+    if time.time() % 600 > 580 or time.time() % 600 < 10:
+        time.sleep(30)  # a run that is due just now is neither missed nor to come
 
     async def scheduled() -> list[tuple[datetime, str]]:
         deployment = await (await of_scene("one", scene(schedule=Schedule(every="10m")))).aapply()
