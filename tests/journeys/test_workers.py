@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,13 +16,15 @@ SCENES = {f"town{number}": {"training": {"steps": 10 + number}} for number in ra
 def test_a_batch_is_spread_and_each_object_is_made_once(own_environment: None, tmp_path: Path) -> None:
     with team(tmp_path, SCENES, ("one", "two")) as workers:
         batch = workers.start_all()
-        told: dict[str, Any] = {}
 
         def both_are_at_work() -> bool:
-            told.update(workers.status())
-            return len({run["machine"] for run in told["at_work"] if run["run"] in SCENES and run["steps"]}) == 2
+            running = [run for run in workers.scenes().values() if run["state"]["name"] == "Running"]
+            return len({run["labels"]["prefect.worker.name"] for run in running}) == 2
 
-        workers.wait(both_are_at_work, 120, "both are at work")
+        workers.wait(both_are_at_work, 240, "both are at work")
+        told = workers.status()
+        scenes = [run for run in told["at_work"] if run["run"] in SCENES]
+        assert len({run["machine"] for run in scenes}) == 2 and set(scenes[0]) >= {"steps", "percent", "left_s"}
         assert sum(machine["online"] for machine in told["machines"]) == 4, "two of them and two of aug3d up"
         waiting = {run["run"]: run["why"] for run in told["waiting"]}
         assert set(waiting.values()) <= {"a machine is about to take it", "2 of 2 machines that take it are at work"}
