@@ -225,7 +225,8 @@ def test_killed_in_both_steps_it_goes_on_and_ends_in_the_same_bytes(
             if done == at:
                 times.append({file.name: file.stat().st_mtime_ns for file in (tmp_path / RAW).glob("[!.]*.planes")})
                 for child in psutil.Process().children():
-                    child.kill()
+                    if "aug3d_core.depth.worker" in child.cmdline():
+                        child.kill()
 
         with pytest.raises(WorkerDied, match="SIGKILL"):
             run(inputs, DepthConfig(max_px=MAP_PX), tmp_path, kill)
