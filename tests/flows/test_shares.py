@@ -15,6 +15,7 @@ from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import Cell
 from aug3d_core.studies.common.trial import Trial
 from aug3d_core.studies.stability.cell import Dosed, StabilityResult
+from tests.flows.pool_workers import only_these
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 
@@ -31,19 +32,14 @@ def pool(tmp_path: Path) -> Store:
         from prefect.client.orchestration import get_client
 
         from flows.deployments import of_everything
-        from flows.pool import POOL, make_pool, make_queue
+        from flows.pool import make_queue
 
         async with get_client() as client:
-            await make_pool(client)
             mine = f"{socket.gethostname()} {tmp_path.name}"
             names = "box one (cpu, gpu)", "box two (cpu)", "box three (gpu)", f"{mine} (cpu, home)", f"{mine} (batch)"
-            for worker in await client.read_workers_for_work_pool(POOL):  # of other tests
-                if worker.name not in names:
-                    await client.request("DELETE", f"/work_pools/{POOL}/workers/{worker.name}")
+            await only_these(client, names)
             for name in ("box one", "box two"):
                 await make_queue(client, name)
-            for name in names:
-                await client.send_worker_heartbeat(POOL, name, heartbeat_interval_seconds=30)
         async for deployment in of_everything():
             await deployment.aapply()
 

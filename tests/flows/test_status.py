@@ -16,6 +16,7 @@ from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
+from tests.flows.pool_workers import only_these
 
 pytestmark = pytest.mark.slow
 
@@ -43,15 +44,13 @@ async def at_work_and_waiting(store: Store) -> dict[str, Any]:
     from prefect.states import Completed, Running, Scheduled
 
     from flows.deployments import of_scene
-    from flows.pool import POOL, make_pool
     from flows.pool_facts import pool_facts
 
     @task
     def step() -> None: ...
 
     async with get_client() as client:
-        await make_pool(client)
-        await client.send_worker_heartbeat(POOL, "box status (cpu, home)", heartbeat_interval_seconds=30)
+        await only_these(client, ["box status (cpu, home)"])
         deployed = {}
         for name, tags in {"status one": (), "status two": (), "status three": ("gpu",)}.items():
             entry = SceneEntry.model_validate({"photos": None, "tags": tags})
