@@ -3,7 +3,7 @@ SHELL := /bin/bash
 VENV := .venv
 PY := $(VENV)/bin/python
 READY := $(VENV)/.ready
-# Two processes more than cores (tests/processes.py): tests wait for servers half of their time
+# Two processes more than cores (tests/processes.py): tests wait for servers and leases meanwhile
 SHARED := -n auto --maxprocesses 4
 
 .PHONY: demo test check attack setup clean

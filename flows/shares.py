@@ -14,7 +14,7 @@ from prefect.runtime import deployment, flow_run
 from aug3d_core.store.store import Store
 from flows.pool import ONLINE, POOL, machine, machine_of, queues_of
 from flows.serving import CPU
-from flows.takeover import cancel_started
+from flows.takeover import cancel_all_started
 
 SHARE = "share of a study"  # name of the flow
 DEPLOYED = "for a worker"  # and of its deployment
@@ -38,7 +38,7 @@ def shared_out(store: Store) -> Iterator[None]:
             )
         yield
     finally:
-        asyncio.run(_end(UUID(study)))
+        asyncio.run(cancel_all_started(UUID(study)))  # all cells are there, or nobody reads them
 
 
 def _others(store: Store) -> list[str]:
@@ -48,9 +48,3 @@ def _others(store: Store) -> list[str]:
     online = (worker.name for worker in workers if worker.status == ONLINE)
     takers = {machine_of(name) for name in online if CPU in queues_of(name)}
     return sorted(takers - {machine(store)})
-
-
-async def _end(study: UUID) -> None:
-    """Cancel what the study began: all cells are there, or nobody reads them."""
-    async with get_client() as client:
-        await cancel_started(client, study)

@@ -133,14 +133,19 @@ async def cancel_started(client: PrefectClient, flow_run_id: UUID) -> None:
     ):
         if part.deployment_id:
             at_work = part.state_type in AT_WORK
-            state = Cancelling() if at_work else Cancelled(message="the batch that it belongs to was cancelled")
+            state = Cancelling() if at_work else Cancelled(message="what started it has ended, or was cancelled")
             await client.set_flow_run_state(part.id, state, force=True)
 
 
 async def cancel_parts(flow: Flow[..., Any], flow_run: FlowRun, state: State) -> None:
     """Cancel the runs that a run started, as Prefect cancels the run itself."""
+    await cancel_all_started(flow_run.id)
+
+
+async def cancel_all_started(flow_run_id: UUID) -> None:
+    """Cancel the runs that a run started."""
     async with get_client() as client:
-        await cancel_started(client, flow_run.id)
+        await cancel_started(client, flow_run_id)
 
 
 def unfinished() -> FlowRunFilterState:

@@ -173,7 +173,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Use two processes more than cores, since half of a test's time is waiting: on two cores each has both kinds."""
+    """Use two processes more than cores, since some wait for servers and leases: on two cores each has both kinds."""
     return 2 + len(os.sched_getaffinity(0))
 
 

@@ -16,7 +16,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store.bucket import Bucket
@@ -44,39 +44,39 @@ def lease(
     waiting: told who holds it. lost: called, from a thread, when another has taken it over. Raises StoreError as the bucket
     does.
     """
-    owner = _owner()
-    mine = _acquire(bucket, f"leases/{name}", owner, made, waiting)
-    if mine is None:
-        yield False
-        return
-    with _renewed(bucket, mine, owner, lost):
-        yield not made()
+    with _held(bucket, name, made, waiting, lost) as ours:
+        yield ours and not made()
 
 
-@contextmanager
-def claim(bucket: Bucket, name: str) -> Iterator[bool]:
+def claim(bucket: Bucket, name: str) -> AbstractContextManager[bool]:
     """Hold the lease of a name, and yield True; or yield False if another holds it. Raises StoreError as the bucket does."""
-    owner = _owner()
-    mine = _acquire(bucket, f"leases/{name}", owner, lambda: True, lambda host: None)
-    if mine is None:
-        yield False
-        return
-    with _renewed(bucket, mine, owner, None):
-        yield True
+    return _held(bucket, name, lambda: True, lambda host: None, None)
 
 
 @contextmanager
-def _renewed(bucket: Bucket, mine: str, owner: dict, lost: Callable[[], None] | None) -> Iterator[None]:
+def _held(
+    bucket: Bucket,
+    name: str,
+    give_up: Callable[[], bool],
+    waiting: Callable[[str], None],
+    lost: Callable[[], None] | None,
+) -> Iterator[bool]:
+    """Hold a lease, renewed, and yield True; or yield False where another holds it and there is no need to wait."""
+    owner = _owner()
+    mine = _acquire(bucket, f"leases/{name}", owner, give_up, waiting)
+    if mine is None:
+        yield False
+        return
     done = threading.Event()
     renewing = threading.Thread(target=_renew, args=(bucket, mine, owner, done, lost), daemon=True)
     renewing.start()
     try:
-        yield
+        yield True
     finally:
         done.set()
         renewing.join()
         with suppress(StoreError):  # it lapses
-            bucket.delete([each for each in bucket.names(f"{mine.rpartition('/')[0]}/") if each <= mine])
+            bucket.delete([each for each in bucket.names(f"leases/{name}/") if each <= mine])
 
 
 class Watch:
