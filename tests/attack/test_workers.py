@@ -14,11 +14,12 @@ from aug3d_core.store.layout import STUDIES, STUDY_PAGE
 from tests.attack.town_process import leftovers, stage_of
 from tests.journeys.team import Team, team
 
-pytestmark = [pytest.mark.slow, pytest.mark.attack, pytest.mark.long, pytest.mark.timeout(4 * 3600)]
+pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(4 * 3600)]
 WITHIN_S = 120.0
 TOWNS = 6
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("stage", ["town", "matching", "depth", "training"])
 def test_another_worker_takes_over_what_a_killed_one_did(stage: str, own_environment: None, tmp_path: Path) -> None:
     with team(tmp_path, {"town": {}}, ("one", "two")) as workers:
