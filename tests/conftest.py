@@ -21,10 +21,14 @@ from tests.journeys.small_town import OVERRIDES
 pytest_plugins = ("tests.processes", "tests.shared_stores", "tests.skips")
 
 CORE = Path(__file__).parents[1] / "aug3d_core"
-# Array shapes and types in the annotations are checked while testing. This must run before aug3d_core is imported.
-# The scene files hold no arrays; hypothesis builds them and allows no chance in that, by which beartype picks list items.
+# Shapes and types in the annotations of modules that name array shapes are checked while testing, at a price for each call.
+# This must run before aug3d_core is imported.
 install_import_hook(
-    [f"aug3d_core.{folder.name}" for folder in sorted(CORE.iterdir()) if folder.name != "scene_files"],
+    [
+        ".".join(file.relative_to(CORE.parent).with_suffix("").parts)
+        for file in sorted(CORE.rglob("*.py"))
+        if "jaxtyping" in file.read_text()
+    ],
     "tests.shapes.checked",
 )
 

@@ -25,7 +25,7 @@ _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journey
 _PROGRAMS = ("attack", "flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
 _LONGEST_FIRST = (
     "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/journeys/test_workers.py", "tests/infra",
-    "tests/journeys/test_shared_store.py", "tests/engines", "tests/flows", "tests/tasks",
+    "tests/engines", "tests/flows", "tests/tasks",
 )  # fmt: skip
 # Files of one home: what the first of them makes, the others use.
 _TOGETHER = {

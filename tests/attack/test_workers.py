@@ -6,12 +6,11 @@ import os
 import time
 from pathlib import Path
 
-import psutil
 import pytest
 
 from aug3d_core.run.files import LOG
 from aug3d_core.store.layout import STUDIES, STUDY_PAGE
-from tests.attack.town_process import leftovers, stage_of
+from tests.attack.town_process import leftovers
 from tests.journeys.team import Team, team
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(4 * 3600)]
@@ -24,8 +23,8 @@ TOWNS = 6
 def test_another_worker_takes_over_what_a_killed_one_did(stage: str, own_environment: None, tmp_path: Path) -> None:
     with team(tmp_path, {"town": {}}, ("one", "two")) as workers:
         batch = workers.start_all()
-        workers.wait(lambda: bool(at_work(workers, stage)), 900, f"{stage} is being made")
-        [victim] = at_work(workers, stage)
+        workers.wait(lambda: bool(workers.at_work(stage)), 900, f"{stage} is being made")
+        [victim] = workers.at_work(stage)
         if stage == "depth":
             shards = tmp_path / victim / "work" / "depth"
             workers.wait(lambda: len([*shards.glob("*/files/raw/*.planes")]) >= 4, 300, "some depth maps are made")
@@ -33,7 +32,7 @@ def test_another_worker_takes_over_what_a_killed_one_did(stage: str, own_environ
         workers.kill(victim)
         killed, other = time.monotonic(), "two" if victim == "one" else "one"
         workers.wait(lambda: other in name_of_worker(workers), 300, f"{other} takes over")
-        workers.wait(lambda: bool(at_work(workers, stage)), 300, f"{other} makes {stage}")
+        workers.wait(lambda: bool(workers.at_work(stage)), 300, f"{other} makes {stage}")
         seconds = time.monotonic() - killed
         print(f"\n{stage}: at work again after {seconds:.0f} s")
         assert seconds < WITHIN_S
@@ -73,12 +72,6 @@ def test_a_study_is_spread_over_all_machines(own_environment: None, tmp_path: Pa
         print(made)
         assert min(made.values()) >= 3, "all had work"
         assert len([*(tmp_path / "up" / STUDIES).rglob(STUDY_PAGE)]) == 1
-
-
-def at_work(workers: Team, stage: str) -> list[str]:
-    """Return which workers have a process that makes a stage."""
-    families = {name: psutil.Process(one.pid).children(recursive=True) for name, one in workers.workers.items()}
-    return [name for name, family in families.items() if stage in map(stage_of, family)]
 
 
 def name_of_worker(workers: Team) -> str:

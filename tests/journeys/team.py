@@ -17,9 +17,11 @@ from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+import psutil
 import yaml
 
 from aug3d_core.run.files import LOG
+from tests.attack.town_process import stage_of
 from tests.journeys.small_town import SETTINGS
 from tests.store.s3_service import BUCKET, KEYS, free_port, s3_service
 from tests.tests_support import hear_signals
@@ -87,6 +89,11 @@ class Team:
         pinned = [] if core is None else ["taskset", "-c", str(core)]
         self.workers[name] = self._begin(name, [*pinned, *words], {"PREFECT_API_AUTH_STRING": f"admin:{self.token}"})
         self.wait(lambda: "takes runs" in self.log(name), 120, f"{name} takes runs", self.workers[name])
+
+    def at_work(self, stage: str) -> list[str]:
+        """Return which workers have a process that makes a stage."""
+        families = {name: psutil.Process(one.pid).children(recursive=True) for name, one in self.workers.items()}
+        return [name for name, family in families.items() if stage in map(stage_of, family)]
 
     def log(self, name: str) -> str:
         """Return what a process of the team has said."""

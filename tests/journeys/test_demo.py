@@ -128,7 +128,7 @@ def test_killed_at_many_moments_it_ends_in_the_same_digests(
     Prefect's server is the factory's own at the first kill and in the last run, and ends or goes on with it.
     """
     killed, elsewhere = 0, {**served, "PREFECT_HOME": str(tmp_path / "prefect")}
-    for stage in ("town", "sfm", "surface", "rendering", "training"):
+    for stage in ("town", "depth", "training"):
         env = elsewhere if killed else None
         factory = subprocess.Popen(command(tmp_path), env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         if wait_for_work(tmp_path, stage, factory):
@@ -136,7 +136,7 @@ def test_killed_at_many_moments_it_ends_in_the_same_digests(
             os.kill(factory.pid, signal.SIGKILL)
             killed += 1
         factory.wait()
-    assert killed >= 4
+    assert killed >= 2
     assert not leftovers(tmp_path), "nothing outlives a killed factory"
     last = run(tmp_path)
     assert digests(last) == digests(first)
