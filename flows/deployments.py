@@ -17,6 +17,7 @@ from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.schedule import Schedule as When
 from flows.collection_run import train_collection
+from flows.help_run import help_with
 from flows.pool import BATCH, HOME, POOL
 from flows.regenerate import batch, regenerate
 from flows.serving import CPU, GPU
@@ -112,6 +113,14 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
         description="Started by studies, not by people: makes cells of a study of another machine.",
         at_once=None,
         tags=["study"],
+    )
+    yield await _deployment(
+        help_with,
+        name=DEPLOYED,
+        queue=CPU,
+        description="Started by runs of scenes, not by people: makes shards of a stage that takes another machine long.",
+        at_once=None,
+        tags=["help"],
     )
     for study, name, given, description in _STUDIES:
         yield await _deployment(

@@ -81,9 +81,14 @@ def make_version(
     """
     made: list[Visit] = []
     started = time.monotonic()
+    make = through_prefect(store)
+    if store.shared is not None and deployment.id:
+        from flows.shares import with_help  # with Prefect's workers, which other runs do without
+
+        make = with_help(store, make)
     known = {visit.step.name: visit for visit in plan}
     try:
-        for visit in walk(store, material.stages(), config, material, through_prefect(store), plan=known):
+        for visit in walk(store, material.stages(), config, material, make, plan=known):
             made.append(visit)
             progress.finished(visit)
             artifacts.publish(store, visit)

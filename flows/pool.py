@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
 
 POOL = "aug3d"
+WORKER = "prefect.worker.name"  # label of a run that Prefect gives it
 ONLINE = "ONLINE"  # Prefect's word for a worker that was seen of late
 HOME = "home"  # queue of what only the machine can do that has the scene files and the results of studies
 BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need

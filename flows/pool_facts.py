@@ -25,14 +25,13 @@ from prefect.exceptions import ObjectNotFound
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
-from flows.pool import ONLINE, POOL, machine_of, queues_of
+from flows.pool import ONLINE, POOL, WORKER, machine_of, queues_of
 from flows.settings import SCENE
 from flows.takeover import AT_WORK, PAGE, on_all_pages, our_runs
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import Worker
 
-_WORKER = "prefect.worker.name"  # label of a run that Prefect gives it
 _ONE_AT_A_TIME = "AwaitingConcurrencySlot"  # Prefect's name of the state
 
 
@@ -77,7 +76,7 @@ async def _at_work(client: PrefectClient, store: Store, run: FlowRun) -> dict[st
     return {
         "run": run.name,
         "scene": scene,
-        "machine": run.labels.get(_WORKER),
+        "machine": run.labels.get(WORKER),
         "state": run.state_name,
         "since": _since(run).isoformat(timespec="seconds"),
         "steps": steps,

@@ -12,11 +12,9 @@ from typing import Annotated, Any, Literal, TypeVar
 from uuid import UUID
 
 from prefect import flow
-from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import State
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
-from prefect.utilities.callables import get_call_parameters
 from pydantic import Field
 
 from aug3d_core.bench.machine import describe_machine
@@ -46,7 +44,7 @@ from aug3d_core.studies.tradeoff.scene import open_studied
 from aug3d_core.studies.tradeoff.study import MOST_DB, TradeoffFindings
 from aug3d_core.studies.tradeoff.study import study_scene as study_tradeoff
 from flows.settings import home
-from flows.shares import SHARE, shared_out
+from flows.shares import SHARE, parameters_of, shared_out
 from flows.takeover import cancel_parts
 from tasks import artifacts
 from tasks.progress import Listener, listening, reporter
@@ -173,13 +171,9 @@ def _stability_found(store: Store, make: Make, only: Sequence[str], seeds: int, 
 @flow(name=SHARE, flow_run_name="share of {study}")
 def share(study: Annotated[UUID, Field(description="The flow run of the study.")]) -> State:
     """Make cells of a study of another machine: those that nobody is at. The study starts it, and reads what it made."""
-    with get_client(sync_client=True) as client:
-        run = client.read_flow_run(study)
-        name = client.read_flow(run.flow_id).name
-    whole, found = _STUDIES[name]
-    given = get_call_parameters(whole.fn, (), whole.validate_parameters(run.parameters))
+    name, given = parameters_of(study, {name: whole for name, (whole, _) in _STUDIES.items()})
     with _working() as (store, make):
-        told = found(store, make, **given)
+        told = _STUDIES[name][1](store, make, **given)
         cells = sum(len(one.results) for one in (told if isinstance(told, Iterator) else [told]))
     return Completed(message=f"all {cells} cells are there")
 

@@ -23,6 +23,7 @@ DEPTH = Stage(
     ),
     decidable=("max_px", "plane_step_px"),
     resumable=True,
-    shards=("raw/[!.]*", "workspace/stereo/*_maps/[!.]*"),
+    shards=("raw/[!.]*.bin", "raw/[!.]*.planes", "workspace/stereo/*_maps/[!.]*"),
+    assist="aug3d_core.depth.stage:assist",
     reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
 )

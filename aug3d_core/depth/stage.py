@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.run.errors import InputError
-from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import read_roles
 
@@ -53,9 +54,8 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     views, images = Views.load(sfm / VIEWS), sfm / VIEW_IMAGES
     points, tracks = Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     role = read_roles(inputs["grouping"], len(views))
-    train, given = role == "train", ~np.isin(role, ["target", ""])
+    train, sources = role == "train", _sources(views, points, tracks, role, config)
     engine, reason = choose_engine(config.engine)
-    sources = choose_sources(views, points, tracks, given, train, OTHERS_PER_SOURCE * config.sources)
     usable = [view for view, chosen in sources.items() if chosen]
     if not usable:
         raise InputError(
@@ -70,20 +70,10 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     if engine == "patch_match":
         patch_match(workspace)
     else:
-        tasks = [
-            PhotoTask(
-                view=view,
-                sources=tuple(sources[view][: config.sources]),
-                others=tuple(sources[view]),
-                depth=depth,
-                height=height,
-            )
-            for view in usable
-            for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
-        ]
+        tasks = _tasks(views, points, tracks, sources, config)
         (out / RAW).mkdir(exist_ok=True)
         swept = sum((out / RAW / planes_name(int(views.photo_id[view]))).exists() for view in usable)
-        planes = _sweep(tasks, inputs["sfm"], workspace, config, progress)
+        planes = _sweep(tasks, sfm, workspace, config, progress)
         shutil.rmtree(out / RAW)
     seconds, made = time.monotonic() - started, len(usable) - swept
     fused = fuse(workspace, views, [view for view in usable if train[view]])
@@ -118,15 +108,57 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     )
 
 
+def assist(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> Outcome:
+    """Sweep photographs that nobody has swept yet."""
+    sfm = inputs["sfm"]
+    views, points, tracks = Views.load(sfm / VIEWS), Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
+    sources = _sources(views, points, tracks, read_roles(inputs["grouping"], len(views)), config)
+    tasks = from_elsewhere(_tasks(views, points, tracks, sources, config))
+    if choose_engine(config.engine)[0] != "patch_match":
+        (out / RAW).mkdir(exist_ok=True)
+        run_jobs(_jobs(tasks, sfm, out / DENSE_WORKSPACE, config), _ticking(progress, len(tasks)))
+    return Outcome(metrics={"photos": len(tasks)})
+
+
+def _sources(
+    views: Views, points: Points, tracks: Tracks, role: np.ndarray, config: DepthConfig
+) -> dict[int, list[int]]:
+    given = ~np.isin(role, ["target", ""])
+    return choose_sources(views, points, tracks, given, role == "train", OTHERS_PER_SOURCE * config.sources)
+
+
+def _tasks(
+    views: Views, points: Points, tracks: Tracks, sources: dict[int, list[int]], config: DepthConfig
+) -> list[PhotoTask]:
+    return [
+        PhotoTask(view=view, sources=tuple(chosen[: config.sources]), others=tuple(chosen), depth=depth, height=height)
+        for view, chosen in sources.items()
+        if chosen
+        for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
+    ]
+
+
 def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[int]:
     """Sweep all photographs, then compare their maps; return the planes tried for each."""
+    tick, jobs = _ticking(progress, len(tasks)), _jobs(tasks, sfm, workspace, config)
+    planes = run_jobs(jobs, tick)
+    run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
+    return [int(count) for share in planes for count in share]
+
+
+def _ticking(progress: Progress, photos: int) -> Callable[[], None]:
     done = 0
 
     def tick() -> None:
         nonlocal done
         done += 1
-        progress(done, 2 * len(tasks), "searching depth" if done <= len(tasks) else "comparing depth maps")
+        progress(done, 2 * photos, "searching depth" if done <= photos else "comparing depth maps")
 
+    return tick
+
+
+def _jobs(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig) -> list[DepthJob]:
+    """Return the jobs that sweep photographs, side by side."""
     common = DepthJob(
         step="sweep",
         views=sfm / VIEWS,
@@ -138,10 +170,7 @@ def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConf
         tasks=(),
     )
     shares = [tuple(tasks[i::WORKERS]) for i in range(WORKERS)]
-    jobs = [common.model_copy(update={"tasks": share}) for share in shares if share]
-    planes = run_jobs(jobs, tick)
-    run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
-    return [int(count) for share in planes for count in share]
+    return [common.model_copy(update={"tasks": share}) for share in shares if share]
 
 
 def _consistent_share(out: Path, views: Views, chosen: list[int]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -89,10 +89,32 @@ def build(store: Store, work: Work, progress: Progress) -> Built:
                 return Built(theirs, cached=True)
             with (
                 store.turn(stage.name, report) if stage.alone else nullcontext(),
-                store.handing_over(stage.name, work.key, stage.shards),
+                store.handing_over(stage.name, work.key, stage.shards, bool(stage.assist)) as others_spent,
             ):
-                made = _compute(store, work, report)
+                made = _compute(store, work, report, others_spent)
     return Built(made, cached=False, damage=damage and f"{damage}: {_made_again(record, made)}")
+
+
+def assist(store: Store, work: Work, progress: Progress) -> bool:
+    """Make shards of an object that another machine makes, until all are there; return whether there was anything to do.
+
+    They go to the shared store, where that machine finds them. Raises StageFailed.
+    """
+    stage = replace(work.stage, entry=work.stage.assist)
+    with store.lock(stage.name, work.key):
+        if store.find(stage.name, work.key):
+            return False
+        _check_inputs(store, work)
+        folder = store.work_dir(stage.name, work.key)
+        with (
+            on_the_side(progress) as report,
+            store.turn(stage.name, report) if stage.alone else nullcontext(),
+            store.helping(stage.name, work.key, stage.shards) as tell_spent,
+        ):
+            _prepare(store, replace(work, stage=stage), folder)
+            tell_spent(run_isolated(stage, folder, report).cpu_seconds)
+        shutil.rmtree(folder)
+    return True
 
 
 def _made_again(before: Record | None, now: Record) -> str:
@@ -109,7 +131,7 @@ def _check_inputs(store: Store, work: Work) -> None:
             store.check(source.made, source.reads)
 
 
-def _compute(store: Store, work: Work, progress: Progress) -> Record:
+def _compute(store: Store, work: Work, progress: Progress, others_spent: Callable[[], float]) -> Record:
     stage = work.stage
     # The wait for the lock and the turn may have been long
     if recipe_of(stage, work.config, _code_run(stage, work.sources)) != work.recipe:
@@ -132,7 +154,7 @@ def _compute(store: Store, work: Work, progress: Progress) -> Record:
             "modules": work.config.modules,
             "versions": engine_versions(stage, work.config),
             "seconds": round(cost.seconds, 3),
-            "cpu_seconds": round(cost.cpu_seconds, 2),
+            "cpu_seconds": round(cost.cpu_seconds + others_spent(), 2),
             "peak_mib": round(cost.peak_mib, 1),
         }
         return store.commit(folder, stage.name, work.key, fields)

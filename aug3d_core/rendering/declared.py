@@ -22,5 +22,6 @@ RENDERING = Stage(
     ),
     resumable=True,
     shards=("shards/*.npz",),
+    assist="aug3d_core.rendering.stage:assist",
     alone=True,
 )

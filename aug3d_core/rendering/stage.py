@@ -22,7 +22,7 @@ from aug3d_core.rendering.probe import ENOUGH_DB, Chosen, choose_samples
 from aug3d_core.rendering.quality import REASONS, figures, reasons
 from aug3d_core.rendering.sheet import save_sheet
 from aug3d_core.run.errors import InputError
-from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
 
 _SHEET = "renders.png"
 _SHEET_VIEWS = 48
@@ -42,6 +42,28 @@ def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) 
             metrics={"views": 0, "kept": 0, "kept_share": None},
             notes=("no views were planned: the data set contains photographs only",),
         )
+    job, chosen = _planned(inputs, config, cameras, shards, progress)
+    planned, start = job.shards, time.monotonic()
+    spent = _render(job, total, progress)
+    seconds = time.monotonic() - start
+    table = _table(list(planned), cameras, config)
+    table.to_parquet(out / RENDER_TABLE)
+    save_sheet(_some_views(table, planned), out / _SHEET)
+    return _outcome(table, chosen, spent, seconds)
+
+
+def assist(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) -> Outcome:
+    """Render views that are not there yet."""
+    cameras = read_cameras(inputs["sampling"] / CAMERAS)
+    (out / SHARDS).mkdir(parents=True, exist_ok=True)
+    job, _ = _planned(inputs, config, cameras, out / SHARDS, progress)
+    job = job.model_copy(update={"shards": tuple(from_elsewhere(job.shards))})
+    return Outcome(metrics={"views": _render(job, len(cameras["view_id"]), progress).views})
+
+
+def _planned(
+    inputs: Inputs, config: RenderingConfig, cameras: dict[str, np.ndarray], shards: Path, progress: Progress
+) -> tuple[RenderJob, Chosen]:
     job = RenderJob(
         meshes=(find_mesh(inputs["surface"]),),
         cameras=inputs["sampling"] / CAMERAS,
@@ -49,14 +71,8 @@ def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) 
         light=_light(config),
     )
     chosen = _samples(config, job, cameras, progress)
-    planned = _shards(total, config.views_per_shard, chosen.samples, shards)
-    start = time.monotonic()
-    spent = _render(job.model_copy(update={"shards": planned}), total, progress)
-    seconds = time.monotonic() - start
-    table = _table(list(planned), cameras, config)
-    table.to_parquet(out / RENDER_TABLE)
-    save_sheet(_some_views(table, planned), out / _SHEET)
-    return _outcome(table, chosen, spent, seconds)
+    planned = _shards(len(cameras["view_id"]), config.views_per_shard, chosen.samples, shards)
+    return job.model_copy(update={"shards": planned}), chosen
 
 
 def _light(config: RenderingConfig) -> Emission | Sunlit:

@@ -31,6 +31,8 @@ def render_shards(job: RenderJob, report: Callable[[str], None]) -> None:
         cameras = {name: file[name] for name in ("view_id", "world_from_cam", "intrinsics", "size")}
     with tempfile.TemporaryDirectory() as scratch:
         for shard in job.shards:
+            if shard.out.exists():  # another machine made it meanwhile
+                continue
             arrays = _arrays(job, shard, cameras)
             for row, view in enumerate(range(shard.first, shard.last)):
                 set_camera(*(cameras[name][view] for name in ("world_from_cam", "intrinsics", "size")))

@@ -13,10 +13,11 @@ The function knows nothing of keys, caches or processes; `factory/build.py` and 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+import secrets
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -26,6 +27,7 @@ State = Literal["ok", "degraded"]
 Metric = float | int | str | bool | None
 Inputs = Mapping[str, Path]
 Progress = Callable[[int, int, str], None]
+T = TypeVar("T")
 
 
 class Frozen(BaseModel):
@@ -108,8 +110,10 @@ class Stage:
     engines: distributions whose version is part of the cache key: those that compute what is in its files and figures.
     accuracy: the metric that says how well the stage did, shown in every table.
     resumable: keep a killed run's partial files and hand them to the next try.
-    shards: patterns of partial files that are whole from the moment they have their name; another machine that takes the
-        work over goes on with them.
+    shards: patterns of partial files that are whole from the moment they have their name, in the order in which they are
+        written; another machine that takes the work over goes on with them.
+    assist: "module:function" of a stage function that only makes shards, those that are not there yet, in an order of its
+        own: for a machine that helps another one. `entry` uses shards that come up while it works.
     grows: hand over what the same recipe (code, configuration, engines) made of other inputs before: `inputs["earlier"]`
         is then a folder of such outputs, newest first by name. It is no part of the key: use it to save work. Where the
         answer then differs from a fresh one, within the accuracy of the stage, a metric says what it grew from.
@@ -133,6 +137,7 @@ class Stage:
     decidable: tuple[str, ...] = ()
     resumable: bool = False
     shards: tuple[str, ...] = ()
+    assist: str = ""
     grows: bool = False
     afresh: bool = False
     alone: bool = False
@@ -143,6 +148,12 @@ class Stage:
     def package(self) -> str:
         """The package whose `python -m` replays this stage."""
         return self.entry.partition(":")[0].rpartition(".")[0]
+
+
+def from_elsewhere(shards: Sequence[T]) -> list[T]:
+    """Return shards in an order of one's own: backwards from a random place. Who goes forward from the first is met late."""
+    place = secrets.randbelow(len(shards)) if shards else 0
+    return [*reversed(shards[: place + 1]), *reversed(shards[place + 1 :])]
 
 
 def stage_function(entry: str) -> Callable[[Inputs, Any, Path, Progress], Outcome]:

@@ -405,15 +405,28 @@ class Store:
         return claim(self.shared.bucket, name)
 
     @contextmanager
-    def handing_over(self, stage: str, key: str, shards: Sequence[str]) -> Iterator[None]:
-        """Go on with what another machine left of an object, and leave to others what is made of it here meanwhile."""
+    def handing_over(self, stage: str, key: str, shards: Sequence[str], helped: bool) -> Iterator[Callable[[], float]]:
+        """Go on with what another machine left of an object, and leave to others what is made of it here meanwhile.
+
+        helped: take also what others make of it meanwhile. Yields what tells how much that cost them [processor s].
+        """
         if self.shared is None or not shards:
-            yield
+            yield lambda: 0.0
             return
         from aug3d_core.store.hand_over import handing_over
 
-        with handing_over(self.shared.bucket, f"{stage}/{key}", self.work_dir(stage, key) / FILES, shards):
-            yield
+        files = self.work_dir(stage, key) / FILES
+        with handing_over(self.shared.bucket, f"{stage}/{key}", files, shards, helped) as others_spent:
+            yield others_spent
+
+    @contextmanager
+    def helping(self, stage: str, key: str, shards: Sequence[str]) -> Iterator[Callable[[float], None]]:
+        """Take part in an object that another machine makes. Yields what tells it the cost of that [processor s]."""
+        assert self.shared is not None, "another machine makes it"
+        from aug3d_core.store.hand_over import helping
+
+        with helping(self.shared.bucket, f"{stage}/{key}", self.work_dir(stage, key) / FILES, shards) as tell_spent:
+            yield tell_spent
 
     def _bring(self, record: Record, names: Sequence[str]) -> None:
         """Bring files of an object here that another machine made."""

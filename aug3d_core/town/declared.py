@@ -26,6 +26,7 @@ TOWN = Stage(
     ),
     resumable=True,
     shards=(f"{TOWN_PHOTOS}/*.jpg",),
+    assist="aug3d_core.town.stage:assist",
 )
 TRUTH = Stage(
     name="truth",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from PIL import Image
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.sheet import save_sheet
-from aug3d_core.run.stage import Inputs, Outcome, Progress
+from aug3d_core.run.stage import Inputs, Outcome, Progress, from_elsewhere
 from aug3d_core.town.config import TownConfig
 from aug3d_core.town.drone.develop import Darkroom, rendered_views
 from aug3d_core.town.drone.flight import SECONDS_PER_PHOTO, plan_flight
@@ -34,6 +35,27 @@ _START = datetime(2024, 6, 14, 10, 30)  # without a zone, as EXIF times are
 def run(inputs: Inputs, config: TownConfig, out: Path, progress: Progress) -> Outcome:
     """Make the photographs that a user would have, and apart from them the truth."""
     start = time.monotonic()
+    town, photos, rendered = _fly(config, out, progress, list)
+    _save_sheet(out / TOWN_PHOTOS, photos, out)
+    seconds = time.monotonic() - start
+    metrics = {
+        "photos": photos,
+        "seconds_per_photo": seconds / rendered if rendered else None,
+        "triangles": len(town.ground.triangles) + len(town.things.triangles),
+        "buildings": len(town.footprints),
+    }
+    return Outcome(metrics=metrics, pictures={"Photographs of the town": _SHEET})
+
+
+def assist(inputs: Inputs, config: TownConfig, out: Path, progress: Progress) -> Outcome:
+    """Make photographs that are not there yet."""
+    return Outcome(metrics={"photos": _fly(config, out, progress, from_elsewhere)[2]})
+
+
+def _fly(
+    config: TownConfig, out: Path, progress: Progress, ordered: Callable[[Sequence[int]], list[int]]
+) -> tuple[Town, int, int]:
+    """Write truth and photographs; return the town, the number of photographs, and of those that were rendered."""
     scene_rng, flight_rng, gps_rng, defects_rng = np.random.default_rng(config.seed).spawn(4)
     lens = Lens.of(config)
     progress(0, 1, "building the town")
@@ -47,17 +69,10 @@ def run(inputs: Inputs, config: TownConfig, out: Path, progress: Progress) -> Ou
         views=rendered_views(views, lens), terrain=terrain, lens=lens, defects=Defects.of(config, len(views), defects_rng),
         stamps=_stamps(config, views, gps_rng), noise_levels=config.noise_levels, seed=config.seed,
     )  # fmt: skip
+    shards = ordered(range(0, len(views), config.photos_per_shard))
     with tempfile.TemporaryDirectory() as scratch:
-        rendered = _shoot(town, darkroom, config, photos, Path(scratch), progress)
-    _save_sheet(photos, len(views), out)
-    seconds = time.monotonic() - start
-    metrics = {
-        "photos": len(views),
-        "seconds_per_photo": seconds / rendered if rendered else None,
-        "triangles": len(town.ground.triangles) + len(town.things.triangles),
-        "buildings": len(town.footprints),
-    }
-    return Outcome(metrics=metrics, pictures={"Photographs of the town": _SHEET})
+        rendered = _shoot(town, darkroom, config, photos, Path(scratch), progress, shards)
+    return town, len(views), rendered
 
 
 def photo_name(photo_id: int) -> str:
@@ -65,10 +80,18 @@ def photo_name(photo_id: int) -> str:
     return f"town_{photo_id:04d}.jpg"
 
 
-def _shoot(town: Town, darkroom: Darkroom, config: TownConfig, photos: Path, scratch: Path, progress: Progress) -> int:
-    """Render the shards that lack a photograph; return how many photographs were rendered."""
+def _shoot(
+    town: Town,
+    darkroom: Darkroom,
+    config: TownConfig,
+    photos: Path,
+    scratch: Path,
+    progress: Progress,
+    shards: list[int],
+) -> int:
+    """Render the shards, by their first photograph, that lack one; return how many photographs were rendered."""
     studio, total, rendered = Studio.of(town, darkroom.views, config, scratch), len(darkroom.views), 0
-    for first in range(0, total, config.photos_per_shard):
+    for first in shards:
         last = min(first + config.photos_per_shard, total)
         if all((photos / photo_name(i)).exists() for i in range(first, last)):
             continue

@@ -98,6 +98,8 @@ def _attacks(values: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]
         "tradeoff/tradeoff": {"scenes": lists, "only": lists | {"empty": [""]}, "target_db": _NO_PSNR},
         "stability/stability": {"only": {"empty": [""], "unknown": ["magic"]}, "seeds": _NO_COUNT, "quick": {"text": "x", "list": []}},
     }  # fmt: skip
+    runs = names | {"of nobody": "00000000-0000-4000-8000-000000000000"}
+    wrong |= {"share of a study/for a worker": {"study": runs}, "help with a scene/for a worker": {"run": runs}}
     for deployment, parameters in wrong.items():
         scene = {"scene": "one"} if deployment == "study/grouping" else {}
         for parameter, sets in {**parameters, **{name: {"too many": value} for name, value in _MORE.items()}}.items():
@@ -154,10 +156,12 @@ def deployed(store: Store) -> dict[str, Any]:
 
 def _flows() -> dict[str, Any]:
     from flows.collection_run import train_collection
+    from flows.help_run import help_with
     from flows.regenerate import batch, regenerate
-    from flows.study_run import stability, study_scene, tradeoff
+    from flows.study_run import share, stability, study_scene, tradeoff
 
-    return {one.name: one for one in (regenerate, batch, train_collection, study_scene, tradeoff, stability)}
+    known = regenerate, batch, train_collection, study_scene, tradeoff, stability, share, help_with
+    return {one.name: one for one in known}
 
 
 def _post(deployment: Any, parameters: Any, enforce: bool) -> httpx.Response:
@@ -248,7 +252,7 @@ def test_parameters(store: Store, deployed: dict[str, Any], tmp_path: Path) -> N
     print(f"\n{len(attacks)} malformed parameters: {dict(counts)}")
     assert not bad, f"{len(bad)} of {counts.total()}:\n" + "\n".join(bad)
     assert [path.name for path in tmp_path.iterdir()] == ["home"]
-    begun, _ = _verdict(flows["regenerate scenes"], deployed["regenerate scenes/all scenes"], {"scenes": []}, True)
+    begun, _ = _verdict(flows["regenerate"], deployed["regenerate/one"], {}, True)
     assert begun == TRACEBACK, "what is right begins work, which is told from a refusal"
 
 

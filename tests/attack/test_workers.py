@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from pathlib import Path
@@ -72,6 +73,26 @@ def test_a_study_is_spread_over_all_machines(own_environment: None, tmp_path: Pa
         print(made)
         assert min(made.values()) >= 3, "all had work"
         assert len([*(tmp_path / "up" / STUDIES).rglob(STUDY_PAGE)]) == 1
+
+
+def test_an_idle_machine_helps_with_a_step_that_takes_long(own_environment: None, tmp_path: Path) -> None:
+    """One scene, made by a machine alone and by two: the same bytes. The seconds are told, not judged."""
+    cores, digests = sorted(os.sched_getaffinity(0)), set[str]()
+    for number in (1, 2):
+        folder = tmp_path / str(number)
+        with team(folder, {"town": {"depth": {"max_px": 320, "plane_step_px": 0.25}}}, ()) as workers:
+            for place in range(number):
+                workers.join(f"worker{place}", cores[place % len(cores)])
+            assert workers.end_of(workers.start_all(), 3600)["type"] == "COMPLETED"
+            [version] = folder.glob("*/scenes/town/*/metrics.json")
+            depth = json.loads(version.read_bytes())["stages"]["depth"]
+            helped = [run for run in workers.ask("flow_runs/filter", {}) if run["name"].startswith("help with ")]
+            states = [(run["state"]["name"], run["state"]["message"]) for run in helped]
+            print(f"\n{number} machines: depth in {depth['seconds']} s, {depth['cpu_seconds']} processor s; {states}")
+            digests.add(depth["digest"])
+            assert bool(helped) == (number == 2)
+            assert set(workers.made().values()) == {1}
+    assert len(digests) == 1
 
 
 def name_of_worker(workers: Team) -> str:

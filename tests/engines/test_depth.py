@@ -28,7 +28,7 @@ from aug3d_core.depth.files import (
 )
 from aug3d_core.depth.job import DepthJob
 from aug3d_core.depth.launch import run_jobs
-from aug3d_core.depth.stage import run
+from aug3d_core.depth.stage import assist, run
 from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.transforms import apply, project
@@ -235,6 +235,20 @@ def test_killed_in_both_steps_it_goes_on_and_ends_in_the_same_bytes(
     outcome = find_depth(inputs, tmp_path)
     assert files(tmp_path) == files(found[0])
     assert outcome.metrics == found[1].metrics | {"seconds_per_photo": None}
+
+
+def test_what_another_machine_has_swept_is_used_and_the_bytes_are_the_same(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path
+) -> None:
+    photos = found[1].metrics["photos"]
+    told: list[int] = []
+    assist(inputs, DepthConfig(max_px=MAP_PX), tmp_path, lambda done, total, what: told.append(done))
+    assert len(list((tmp_path / RAW).glob("[!.]*.planes"))) == len(told) == photos
+    times = {file.name: file.stat().st_mtime_ns for file in (tmp_path / RAW).iterdir()}
+    assist(inputs, DepthConfig(max_px=MAP_PX), tmp_path, lambda *_: None)
+    assert times == {file.name: file.stat().st_mtime_ns for file in (tmp_path / RAW).iterdir()}
+    assert find_depth(inputs, tmp_path).metrics["seconds_per_photo"] is None
+    assert files(tmp_path) == files(found[0])
 
 
 def cuda(monkeypatch: pytest.MonkeyPatch, devices: int) -> None:

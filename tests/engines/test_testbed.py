@@ -17,7 +17,7 @@ from aug3d_core.rendering.launch import render
 from aug3d_core.town.config import TownConfig
 from aug3d_core.town.declared import TOWN
 from aug3d_core.town.files import TOWN_PHOTOS, TRUTH_FOOTPRINTS, TRUTH_LENS, TRUTH_MESH, TRUTH_POSES
-from aug3d_core.town.stage import photo_name, run
+from aug3d_core.town.stage import assist, photo_name, run
 
 CONFIG = TownConfig(length_m=70, width_m=70, altitude_m=45, width_px=320, samples=2, photos_per_shard=4)
 PHOTOS = 8
@@ -74,6 +74,16 @@ def test_a_killed_run_continues_and_ends_in_the_same_bytes(town):
     )
     assert {p: p.read_bytes() for p in (town / TOWN_PHOTOS).iterdir()} == files
     assert (town / TRUTH_MESH).read_bytes() == truth
+
+
+def test_a_machine_that_helps_takes_the_same_photographs(town, tmp_path):
+    (tmp_path / TOWN_PHOTOS).mkdir()
+    for i in range(CONFIG.photos_per_shard):
+        (tmp_path / TOWN_PHOTOS / photo_name(i)).write_bytes(b"there already")
+    assert assist({}, CONFIG, tmp_path, lambda *_: None).metrics["photos"] == PHOTOS - CONFIG.photos_per_shard
+    for i in range(PHOTOS):
+        there, theirs = (folder / TOWN_PHOTOS / photo_name(i) for folder in (town, tmp_path))
+        assert theirs.read_bytes() == (b"there already" if i < CONFIG.photos_per_shard else there.read_bytes())
 
 
 def test_what_another_machine_goes_on_with_is_every_photograph(town):

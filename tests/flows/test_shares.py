@@ -1,20 +1,29 @@
-"""A study of a shared store begins a run for each other machine, which makes cells too, and ends these runs with itself."""
+"""Work of a shared store begins a run for each machine that can take part, and ends these runs with itself."""
 
 from __future__ import annotations
 
 import asyncio
 import socket
+import time
 from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import pytest
 
-from aug3d_core.factory.walk import Make
+from aug3d_core.factory.build import Work
+from aug3d_core.factory.plan import Step
+from aug3d_core.factory.stages import DEPTH, GROUPING
+from aug3d_core.factory.walk import Make, Visit
+from aug3d_core.run.errors import UsageError
+from aug3d_core.run.stage import Progress, Stage
+from aug3d_core.scene_files import SceneEntry, write_scene
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import Cell
 from aug3d_core.studies.common.trial import Trial
 from aug3d_core.studies.stability.cell import Dosed, StabilityResult
+from aug3d_core.town.config import TownConfig
 from tests.flows.pool_workers import only_these
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
@@ -97,6 +106,107 @@ def test_a_study_that_is_taken_over_begins_none_again(
 def test_a_machine_alone_shares_nothing_out(pool: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PREFECT__RUNTIME__DEPLOYMENT__ID", "of the study")
     assert begun_and_left(pool)[2] == []
+
+
+def helped(store: Store, monkeypatch: pytest.MonkeyPatch, stage: Stage, seconds: float = 3.0) -> list[Any]:
+    """Let a step of a run take so long; return what it has begun at its end, and the same afterwards."""
+    from prefect import flow
+    from prefect.runtime import flow_run
+
+    from flows import shares as flows_shares
+
+    monkeypatch.setattr(flows_shares, "ASK_EVERY_S", 0.2)
+    seen: list[Any] = []
+
+    def make(visit: Visit) -> None:
+        time.sleep(seconds)
+        seen.append(run(shares(str(flow_run.id))))
+
+    @flow
+    def scene() -> None:
+        flows_shares.with_help(store, make)(Visit(Step(stage)))
+        seen.append(run(shares(str(flow_run.id))))
+
+    scene()
+    return seen
+
+
+async def at_work_on(worker: str, name: str) -> None:
+    """Let a worker execute a run of ours."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter
+    from prefect.states import Cancelled, Running
+
+    from flows.deployments import of_scene
+    from flows.pool import WORKER
+    from flows.takeover import unfinished
+
+    async with get_client() as client:
+        for left in await client.read_flow_runs(flow_run_filter=FlowRunFilter(state=unfinished())):
+            await client.set_flow_run_state(left.id, Cancelled(), force=True)
+        deployed = await (await of_scene(name, SceneEntry(photos=None))).aapply()
+        busy = await client.create_flow_run_from_deployment(deployed, state=Running(), name=name)
+        await client.update_flow_run_labels(busy.id, {WORKER: worker})
+
+
+def test_a_step_that_takes_long_is_helped_with_by_who_is_idle(
+    pool: Store, shared: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(at_work_on("box one (cpu, gpu)", "busy"))
+    during, afterwards = helped(Store(pool.root), monkeypatch, DEPTH)
+    assert [(state, machine) for state, machine, _ in during] == [("Scheduled", "box two")], (
+        "once, however often it asks"
+    )
+    assert [state for state, _, _ in afterwards] == ["Cancelled"]
+
+
+def test_a_step_that_cannot_be_shared_or_is_quick_asks_nobody(
+    pool: Store, shared: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(at_work_on("box one (cpu, gpu)", "busy"))
+    assert helped(Store(pool.root), monkeypatch, GROUPING) == [[], []]
+    assert helped(Store(pool.root), monkeypatch, DEPTH, seconds=0.0) == [[], []]
+
+
+def test_who_helps_makes_what_the_run_is_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.states import Running
+
+    from flows.help_run import help_with
+    from flows.regenerate import regenerate
+
+    monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
+    entry = SceneEntry(photos=None)
+    write_scene(Store(tmp_path), "town", entry)
+    asked: list[tuple[str, int]] = []
+
+    def assist(store: Store, work: Work, progress: Progress) -> bool:
+        assert isinstance(work.config, TownConfig)
+        asked.append((work.stage.name, work.config.seed))
+        return True
+
+    async def begun() -> Any:
+        settings = entry.config().model_dump(mode="json")
+        settings["town"]["seed"] = 7
+        async with get_client() as client:
+            given = {"scene": "town", "settings": settings}
+            return (await client.create_flow_run(regenerate, parameters=given, state=Running())).id
+
+    monkeypatch.setattr("flows.help_run.assist", assist)
+    ended = help_with(run(begun()), return_state=True)
+    assert ended.is_completed() and ended.message == "town of town"
+    assert asked == [("town", 7)], "with the settings of the run"
+
+
+@pytest.mark.parametrize("what", ["share", "help"])
+def test_a_run_that_is_not_there_is_told(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from flows.help_run import help_with
+    from flows.study_run import share
+
+    monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
+    nobody = UUID("00000000-0000-4000-8000-000000000000")
+    with pytest.raises(UsageError, match=f"no run {nobody} to take part in"):
+        (share if what == "share" else help_with)(nobody)
 
 
 def test_a_share_makes_the_cells_of_its_study_and_publishes_nothing(

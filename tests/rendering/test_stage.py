@@ -134,6 +134,18 @@ def test_shards_that_exist_are_not_rendered_again(renderer, tmp_path):
     assert third.metrics["overhead_share"] is None
 
 
+def test_a_machine_that_helps_renders_what_is_not_there(renderer, tmp_path):
+    run(tmp_path)
+    shards = tmp_path / "out" / SHARDS
+    as_it_was = {shard.name: shard.read_bytes() for shard in shards.iterdir()}
+    for name in ("0000.npz", "0002.npz"):
+        (shards / name).unlink()
+    config = RenderingConfig(views_per_shard=4)
+    assert stage.assist(plan(tmp_path / "in", 12), config, tmp_path / "out", lambda *_: None).metrics["views"] == 8
+    assert sorted(renderer.asked[3:]) == ["0000.npz", "0002.npz"]
+    assert {shard.name: shard.read_bytes() for shard in shards.iterdir()} == as_it_was
+
+
 @pytest.mark.parametrize("torn", [b"", b"PK", bytes(4000)])
 def test_shards_that_a_power_cut_tore_are_rendered_again(renderer, tmp_path, torn):
     _, table, _ = run(tmp_path)

@@ -11,7 +11,7 @@ import pytest
 
 from aug3d_core.store import hand_over
 from aug3d_core.store.bucket import Bucket
-from aug3d_core.store.hand_over import handing_over
+from aug3d_core.store.hand_over import handing_over, helping
 
 SHARDS = ("raw/[!.]*", "checkpoint/*.pt")
 
@@ -77,3 +77,52 @@ def test_shards_are_shared_in_the_order_they_were_made(
     with handing_over(Bucket(bucket), "depth/k", tmp_path, SHARDS):
         wait_for(lambda: len(put) == 3)
     assert put == ["z", "m", "a"]
+
+
+def test_shards_of_a_machine_that_helps_are_used_and_go_when_the_work_is_done(tmp_path: Path, bucket: str) -> None:
+    place, one, two = Bucket(bucket), tmp_path / "one" / "files", tmp_path / "two" / "files"
+    (one / "raw").mkdir(parents=True)
+    with handing_over(place, "depth/k", one, SHARDS, helped=True) as spent:
+        write(one, "raw/a", "first")
+        wait_for(lambda: place.names("work/depth/k/") == ["work/depth/k/raw/a"])
+        with helping(place, "depth/k", two, SHARDS) as tell:
+            assert files(two) == {"raw/a": "first"}
+            write(two, "raw/z", "last")
+            write(one, "raw/b", "second")
+            wait_for(lambda: "raw/z" in files(one) and "raw/b" in files(two))
+            write(two, "raw/y", "just before the end")
+            tell(2.5)
+        wait_for(lambda: "raw/y" in files(one))
+        assert files(one) == {"raw/a": "first", "raw/b": "second", "raw/y": "just before the end", "raw/z": "last"}
+        assert spent() == 2.5
+    assert place.names("work/") == []
+
+
+def test_what_the_owner_has_put_away_does_not_come_back(tmp_path: Path, bucket: str) -> None:
+    """Raw depth is deleted once it is compared: what others still make of it must not get into the object."""
+    place, one = Bucket(bucket), tmp_path / "one" / "files"
+    write(one, "checkpoint/1.pt", "state")
+    (one / "raw").mkdir()
+    with handing_over(place, "depth/k", one, SHARDS, helped=True):
+        place.put("work/depth/k/raw/z", b"theirs")
+        wait_for(lambda: "raw/z" in files(one))
+        (one / "raw" / "z").unlink()
+        (one / "raw").rmdir()
+        place.put("work/depth/k/raw/y", b"too late")
+        (one / "checkpoint/1.pt").unlink()
+        write(one, "checkpoint/2.pt", "next state")
+        wait_for(lambda: place.names("work/depth/k/checkpoint/") == ["work/depth/k/checkpoint/2.pt"])
+        threading.Event().wait(0.5)
+        assert files(one) == {"checkpoint/2.pt": "next state"} and not (one / "raw").exists()
+        assert "work/depth/k/raw/z" not in place.names("work/"), "nor does anybody else bring it"
+
+
+def test_what_is_here_is_not_replaced_by_what_others_made(tmp_path: Path, bucket: str) -> None:
+    place, one = Bucket(bucket), tmp_path / "one" / "files"
+    write(one, "raw/a", "mine")
+    write(one, "other/c", "no shard")
+    with helping(place, "depth/k", one, SHARDS):
+        for name in ("raw/b", "raw/a", "other/d"):
+            place.put(f"work/depth/k/{name}", b"theirs")
+        wait_for(lambda: "raw/b" in files(one))
+        assert files(one) == {"raw/a": "mine", "raw/b": "theirs", "other/c": "no shard"}
