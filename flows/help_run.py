@@ -12,6 +12,7 @@ from pydantic import Field
 
 from aug3d_core.factory.build import assist
 from aug3d_core.factory.walk import planned
+from aug3d_core.run.errors import UsageError
 from aug3d_core.scene_files.files import read_scene
 from aug3d_core.store.store import Store
 from flows.regenerate import regenerate
@@ -22,16 +23,22 @@ from tasks.progress import listening, reporter
 from tasks.run_locks import run_lock
 
 
-@flow(name=HELP, flow_run_name="help with {run}")
-def help_with(run: Annotated[UUID, Field(description="The flow run of the scene.")]) -> State:
+@flow(name=HELP, flow_run_name="help with {step}")
+def help_with(
+    run: Annotated[UUID, Field(description="The flow run of the scene.")],
+    step: Annotated[str, Field(description="The step that it is at.")],
+    key: Annotated[str, Field(description="The key of the object that it makes.")],
+) -> State:
     """Make shards of what another machine makes of a scene: depth maps, renders. That machine takes them as they come."""
     _, given = parameters_of(run, {regenerate.name: regenerate})
-    store = Store(home())
+    store, scene = Store(home()), given["scene"]
     with run_lock(store.root), store.using(), listening(artifacts.PrefectProgress()):
-        entry = read_scene(store, given["scene"])
-        visits = planned(store, entry.material(), given["settings"])
-        now = next((visit for visit in visits if visit.record is None), None)
-        if now is None or now.work is None or not now.step.stage.assist:
-            return Completed(message="it is past the work that can be shared")
-        helped = assist(store, now.work, reporter(now.step.name))
-    return Completed(message=f"{now.step.name} of {given['scene']}{'' if helped else ' was there already'}")
+        visits = planned(store, read_scene(store, scene).material(), given["settings"])
+        work = next((visit.work for visit in visits if visit.step.name == step and visit.step.stage.assist), None)
+        if work is None or work.key != key:
+            raise UsageError(
+                f"{step} of {scene} would be another one here: {work.key if work else 'nothing'}, not {key}",
+                "install the same versions of aug3d and its engines on all machines",
+            )
+        helped = assist(store, work, reporter(step))
+    return Completed(message=f"{step} of {scene}{'' if helped else ' is there already'}")

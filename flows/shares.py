@@ -54,16 +54,16 @@ def with_help(store: Store, make: Make) -> Make:
     """Return what makes a step of the present run and, while that takes long, has idle machines make shards of it."""
 
     def made(visit: Visit) -> Built | None:
-        if not visit.step.stage.assist:
+        if not visit.step.stage.assist or visit.work is None:
             return make(visit)
-        with _asking_the_idle(store, visit.step.name):
+        with _asking_the_idle(store, visit.step.name, visit.work.key):
             return make(visit)
 
     return made
 
 
 @contextmanager
-def _asking_the_idle(store: Store, step: str) -> Iterator[None]:
+def _asking_the_idle(store: Store, step: str, key: str) -> Iterator[None]:
     """Ask machines that have nothing to do for help with a step, again and again while the block runs."""
     run, over, asked = str(flow_run.id), Event(), set[str]()
 
@@ -71,7 +71,7 @@ def _asking_the_idle(store: Store, step: str) -> Iterator[None]:
         while not over.wait(ASK_EVERY_S):
             with suppress(HTTPError):  # Prefect is away: the work goes on without help
                 for other in asyncio.run(_idle(store)):
-                    _begin(HELP, other, {"run": run}, f"{run} {step} {other}")
+                    _begin(HELP, other, {"run": run, "step": step, "key": key}, f"{run} {step} {other}")
                     asked.add(other)
 
     asking = Thread(target=copy_context().run, args=(ask,), daemon=True)

@@ -20,7 +20,7 @@ from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.bucket import Bucket
 
-PERIOD_S = 10.0
+PERIOD_S = 5.0
 
 
 @contextmanager

@@ -101,10 +101,10 @@ def _attacks(values: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]
     runs = names | {"of nobody": "00000000-0000-4000-8000-000000000000"}
     wrong |= {"share of a study/for a worker": {"study": runs}, "help with a scene/for a worker": {"run": runs}}
     for deployment, parameters in wrong.items():
-        scene = {"scene": "one"} if deployment == "study/grouping" else {}
+        given = {"study/grouping": {"scene": "one"}, "help with a scene/for a worker": {"step": "depth", "key": "k"}}
         for parameter, sets in {**parameters, **{name: {"too many": value} for name, value in _MORE.items()}}.items():
             for about, value in sets.items():
-                yield deployment, f"{parameter} {about}", {**scene, parameter: value}
+                yield deployment, f"{parameter} {about}", {**given.get(deployment, {}), parameter: value}
     yield "study/grouping", "no scene", {}
 
 

@@ -15,7 +15,7 @@ import pytest
 from aug3d_core.factory.build import Work
 from aug3d_core.factory.plan import Step
 from aug3d_core.factory.stages import DEPTH, GROUPING
-from aug3d_core.factory.walk import Make, Visit
+from aug3d_core.factory.walk import Make, Visit, planned
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.stage import Progress, Stage
 from aug3d_core.scene_files import SceneEntry, write_scene
@@ -124,7 +124,8 @@ def helped(store: Store, monkeypatch: pytest.MonkeyPatch, stage: Stage, seconds:
 
     @flow
     def scene() -> None:
-        flows_shares.with_help(store, make)(Visit(Step(stage)))
+        work = Work(stage, stage.config(), {}, "recipe", "key")
+        flows_shares.with_help(store, make)(Visit(Step(stage), work))
         seen.append(run(shares(str(flow_run.id))))
 
     scene()
@@ -178,24 +179,29 @@ def test_who_helps_makes_what_the_run_is_at(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
     entry = SceneEntry(photos=None)
     write_scene(Store(tmp_path), "town", entry)
-    asked: list[tuple[str, int]] = []
+    asked: list[str] = []
 
     def assist(store: Store, work: Work, progress: Progress) -> bool:
-        assert isinstance(work.config, TownConfig)
-        asked.append((work.stage.name, work.config.seed))
+        asked.append(work.key)
         return True
 
+    settings = entry.config().model_copy(update={"town": TownConfig(seed=7)})
+
     async def begun() -> Any:
-        settings = entry.config().model_dump(mode="json")
-        settings["town"]["seed"] = 7
         async with get_client() as client:
-            given = {"scene": "town", "settings": settings}
+            given = {"scene": "town", "settings": settings.model_dump(mode="json")}
             return (await client.create_flow_run(regenerate, parameters=given, state=Running())).id
 
     monkeypatch.setattr("flows.help_run.assist", assist)
-    ended = help_with(run(begun()), return_state=True)
+    town = next(planned(Store(tmp_path), entry.material(), settings))
+    assert town.work
+    ended = help_with(run(begun()), "town", town.work.key, return_state=True)
     assert ended.is_completed() and ended.message == "town of town"
-    assert asked == [("town", 7)], "with the settings of the run"
+    assert asked == [town.work.key], "with the settings of the run"
+    for step, key in (("town", "another"), ("sfm", town.work.key), ("magic", "another")):
+        with pytest.raises(UsageError, match=f"{step} of town would be another one here"):
+            help_with(run(begun()), step, key)
+    assert len(asked) == 1
 
 
 @pytest.mark.parametrize("what", ["share", "help"])
@@ -206,7 +212,7 @@ def test_a_run_that_is_not_there_is_told(what: str, tmp_path: Path, monkeypatch:
     monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
     nobody = UUID("00000000-0000-4000-8000-000000000000")
     with pytest.raises(UsageError, match=f"no run {nobody} to take part in"):
-        (share if what == "share" else help_with)(nobody)
+        share(nobody) if what == "share" else help_with(nobody, "depth", "key")
 
 
 def test_a_share_makes_the_cells_of_its_study_and_publishes_nothing(
