@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from aug3d_core.run.files import LOG
+from aug3d_core.store.hand_over import PERIOD_S
 from aug3d_core.store.layout import STUDIES, STUDY_PAGE
 from tests.attack.town_process import leftovers
 from tests.journeys.team import Team, team
@@ -22,18 +23,21 @@ TOWNS = 6
 @pytest.mark.attack
 @pytest.mark.parametrize("stage", ["town", "matching", "depth", "training"])
 def test_another_worker_takes_over_what_a_killed_one_did(stage: str, own_environment: None, tmp_path: Path) -> None:
-    with team(tmp_path, {"town": {}}, ("one", "two")) as workers:
+    longer = {"depth": {"max_px": 320}} if stage == "depth" else {}
+    with team(tmp_path, {"town": longer}, ("one", "two")) as workers:
         batch = workers.start_all()
         workers.wait(lambda: bool(workers.at_work(stage)), 900, f"{stage} is being made")
         [victim] = workers.at_work(stage)
         if stage == "depth":
             shards = tmp_path / victim / "work" / "depth"
             workers.wait(lambda: len([*shards.glob("*/files/raw/*.planes")]) >= 4, 300, "some depth maps are made")
-            time.sleep(11)  # they are shared every 10 s
+            time.sleep(PERIOD_S + 1)  # they are shared
+        assert workers.at_work(stage) == [victim]
         workers.kill(victim)
         killed, other = time.monotonic(), "two" if victim == "one" else "one"
         workers.wait(lambda: other in name_of_worker(workers), 300, f"{other} takes over")
-        workers.wait(lambda: bool(workers.at_work(stage)), 300, f"{other} makes {stage}")
+        # what was handed over may leave it little to do
+        workers.wait(lambda: bool(workers.at_work(stage)) or workers.has_made(stage), 300, f"{other} makes {stage}")
         seconds = time.monotonic() - killed
         print(f"\n{stage}: at work again after {seconds:.0f} s")
         assert seconds < WITHIN_S

@@ -109,6 +109,10 @@ class Team:
         logs = self.folder.glob(f"*/objects/*/*/{LOG}")
         return Counter(f"{log.parents[1].name} {log.parent.name}" for log in logs)
 
+    def has_made(self, stage: str) -> bool:
+        """Say whether an object of a stage is there."""
+        return any(name.startswith(f"{stage} ") for name in self.made())
+
     def wait(self, so: Callable[[], bool], seconds: float, what: str, process: subprocess.Popen | None = None) -> None:
         """Wait until something is so; fail with the logs if it never is."""
         deadline = time.monotonic() + seconds
