@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.head import View
 from aug3d_core.judging.names import called
 
-LABEL_PX, GAP_PX = 14, 4
+LABEL_PX, GAP_PX = 16, 4
+FONT_PX = 12  # smaller ones lose the spaces between words
 SMALL_PX = 160  # views that are narrower are shown twice as large
 ERROR_FULL = 64  # mean absolute error over channels that is drawn at full strength, 8-bit steps
 
@@ -111,10 +112,10 @@ def grid(rows: list[list[tuple[str, np.ndarray]]]) -> UInt8[np.ndarray, "H W 3"]
         height, width = 2 * height, 2 * width
     step_x, step_y = width + GAP_PX, height + LABEL_PX + GAP_PX
     sheet = Image.new("RGB", (max(map(len, rows)) * step_x, len(rows) * step_y), "white")
-    draw = ImageDraw.Draw(sheet)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT_PX)
     for r, row in enumerate(rows):
         for c, (label, image) in enumerate(row):
-            draw.text((c * step_x + 2, r * step_y), label, fill="black")
+            draw.text((c * step_x + 2, r * step_y), label, fill="black", font=font)
             large = Image.fromarray(image).resize((width, height), Image.Resampling.NEAREST)
             sheet.paste(large, (c * step_x, r * step_y + LABEL_PX))
     return np.asarray(sheet)
