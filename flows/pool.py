@@ -18,12 +18,13 @@ from anyio.abc import TaskStatus
 from httpx import HTTPError
 from prefect.client.orchestration import PrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
-from prefect.exceptions import ObjectAlreadyExists
+from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound
+from prefect.states import Failed
 from prefect.utilities.processutils import command_to_string
 from prefect.workers.process import ProcessJobConfiguration, ProcessWorker, ProcessWorkerResult
 
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.run.errors import StoreError
+from aug3d_core.run.errors import StoreError, shown
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.files import REGISTRY
 from aug3d_core.store.store import Store
@@ -81,7 +82,15 @@ class PoolWorker(ProcessWorker):
         configuration: ProcessJobConfiguration,
         task_status: TaskStatus[int] | None = None,
     ) -> ProcessWorkerResult:
-        """Execute a run, and tell other machines all the while that somebody does; one that is killed goes on."""
+        """Execute a run, and tell other machines all the while that somebody does; one that is killed goes on.
+
+        One that was asked for with other parameters than its flow has fails at once, in words.
+        """
+        if wrong := await _wrong_parameters(self.client, flow_run):
+            if task_status is not None:
+                task_status.started(0)  # Prefect's worker waits for it, though no process is begun
+            await self.client.set_flow_run_state(flow_run.id, Failed(message=wrong), force=True)
+            return ProcessWorkerResult(identifier=str(flow_run.id), status_code=0)
         async with in_thread(_leased(self._store, flow_run)):
             await asyncio.to_thread(self._before)
             result = await super().run(flow_run, configuration, task_status)
@@ -125,6 +134,22 @@ def _leased(store: Store, flow_run: FlowRun) -> AbstractContextManager[object]:
         print(f"{flow_run.name}: waiting for {host}, which executes it", flush=True)
 
     return lease(store.shared.bucket, lease_of(flow_run.id), lambda: False, waiting, _begin_again)
+
+
+async def _wrong_parameters(client: PrefectClient, flow_run: FlowRun) -> str:
+    """Say which parameters a flow does not have, or lacks, since whoever asks Prefect can turn its own look off; "" if none."""
+    if flow_run.deployment_id is None:
+        return ""
+    try:
+        told = (await client.read_deployment(flow_run.deployment_id)).parameter_openapi_schema or {}
+    except ObjectNotFound:  # it was removed meanwhile; the run says so itself
+        return ""
+    known = told.get("properties", {}).keys()
+    unknown = [shown(name) for name in sorted(flow_run.parameters.keys() - known)]
+    missing = sorted({*told.get("required", ())} - flow_run.parameters.keys())
+    said = [f"there is no parameter {', '.join(unknown)}"] if unknown else []
+    said += [f"a value is missing for {', '.join(missing)}"] if missing else []
+    return f"{'; '.join(said)} -> ask again with values for: {', '.join(known) or 'none'}" if said else ""
 
 
 async def make_pool(client: PrefectClient) -> None:

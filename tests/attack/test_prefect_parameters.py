@@ -281,6 +281,7 @@ def test_the_worker_goes_on_with_the_others(store: Store, deployed: dict[str, An
         worker.terminate()
         worker.wait(60)
     assert {name: state.name for name, state in ended.items()} == {
-        "study/grouping": "Failed", "tradeoff/tradeoff": "Crashed", "regenerate scenes/all scenes": "Completed",
+        "study/grouping": "Failed", "tradeoff/tradeoff": "Failed", "regenerate scenes/all scenes": "Completed",
     }  # fmt: skip
     assert "is not a scene name" in ended["study/grouping"].message
+    assert "there is no parameter 'magic' -> ask again with values for: scenes," in ended["tradeoff/tradeoff"].message
