@@ -27,6 +27,8 @@ MATCHING = Stage(
     ),
     decidable=("first_octave",),
     resumable=True,
+    shards=("unsorted/shards/[!.]*",),
+    assist="aug3d_core.sfm.matching_stage:assist",
     grows=True,
 )
 SFM = Stage(

@@ -8,22 +8,26 @@ from __future__ import annotations
 
 import os
 import sqlite3
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pycolmap
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Int, UInt8
 
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.stage import Progress
 from aug3d_core.sfm.coarse import largest
 from aug3d_core.sfm.config import MatchingConfig
+from aug3d_core.sfm.matching_shards import Shard
 
 _CAMERA_MODEL = "SIMPLE_RADIAL"
-_PHOTOS_PER_CALL = 8
-_PAIRS_PER_CALL = 400
+_PHOTOS_PER_SHARD = 8
+_PAIRS_PER_SHARD = 400
+SHARDS = "shards"  # folder beside the database
+Order = Callable[[Sequence[int]], list[int]]  # in which shards are made, by their first photograph or pair
 
 
 def threads() -> int:
@@ -54,21 +58,35 @@ def make_database(photos: pd.DataFrame, images: Path, database: Path) -> bool:
     return False
 
 
-def extract(photos: pd.DataFrame, images: Path, database: Path, config: MatchingConfig, progress: Progress) -> None:
-    """Extract SIFT features of every photograph that has none yet."""
+def extract(
+    photos: pd.DataFrame,
+    images: Path,
+    database: Path,
+    config: MatchingConfig,
+    progress: Progress,
+    ordered: Order = list,
+) -> None:
+    """Extract SIFT features of every photograph that has none yet, a shard of photographs after the other."""
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = threads()
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
-    names = [image_name(photo_id) for photo_id in photos["photo_id"]]
     with pycolmap.Database.open(database) as opened:
-        searched = {image.name for image in opened.read_all_images() if opened.exists_descriptors(image.image_id)}
-    left = [name for name in names if name not in searched]
-    for start in range(0, len(left), _PHOTOS_PER_CALL):
-        chunk = left[start : start + _PHOTOS_PER_CALL]
-        pycolmap.extract_features(database, images, chunk, extraction_options=options)
-        done = len(names) - len(left) + start + len(chunk)
-        progress(done, len(names), "photographs searched for features")
+        ids = image_ids(opened)
+        left = [photo for photo in photos["photo_id"] if not opened.exists_descriptors(ids[photo])]
+    done = len(photos) - len(left)
+    for first in ordered(range(0, len(photos), _PHOTOS_PER_SHARD)):
+        chunk = photos["photo_id"].tolist()[first : first + _PHOTOS_PER_SHARD]
+        if not (new := sorted({*chunk} & {*left})):
+            continue
+        shard = Shard.of_photos(database.parent / SHARDS, [ids[photo] for photo in chunk])
+        if not shard.take(database):
+            pycolmap.extract_features(
+                database, images, [image_name(photo) for photo in new], extraction_options=options
+            )
+            shard.give(database)
+        done += len(new)
+        progress(done, len(photos), "photographs searched for features")
 
 
 def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray, "_ 128"]]:
@@ -84,20 +102,33 @@ def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray,
     return found
 
 
-def match(pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress) -> None:
-    """Match the pairs and verify them geometrically, those that are not yet."""
+def match(
+    pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress, ordered: Order = list
+) -> None:
+    """Match the pairs and verify them geometrically, those that are not yet, a shard of pairs after the other."""
     matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
     matching.num_threads = threads()
     verification.ransac.random_seed = config.seed
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = database.with_suffix(".pairs.txt")
-    left = pairs[~_verified(pairs, database)]
-    for start in range(0, len(left), _PAIRS_PER_CALL):
-        chunk = left[start : start + _PAIRS_PER_CALL]
-        lines = (f"{image_name(i)} {image_name(j)}\n" for i, j in chunk)
-        Path(pairing.match_list_path).write_text("".join(lines))
-        pycolmap.match_image_pairs(database, matching, pairing, verification)
-        progress(len(pairs) - len(left) + start + len(chunk), len(pairs), "pairs of photographs compared")
+    with pycolmap.Database.open(database) as opened:
+        ids = image_ids(opened)
+        of_database = [(ids[i], ids[j]) for i, j in pairs.tolist()]
+        left = np.array([not opened.exists_two_view_geometry(*pair) for pair in of_database], bool)
+    done = len(pairs) - int(left.sum())
+    for first in ordered(range(0, len(pairs), _PAIRS_PER_SHARD)):
+        chunk = slice(first, first + _PAIRS_PER_SHARD)
+        new = pairs[chunk][left[chunk]]
+        if not len(new):
+            continue
+        shard = Shard.of_pairs(database.parent / SHARDS, of_database[chunk])
+        if not shard.take(database):
+            lines = (f"{image_name(i)} {image_name(j)}\n" for i, j in new)
+            Path(pairing.match_list_path).write_text("".join(lines))
+            pycolmap.match_image_pairs(database, matching, pairing, verification)
+            shard.give(database)
+        done += len(new)
+        progress(done, len(pairs), "pairs of photographs compared")
 
 
 def store_sorted(database: Path, target: Path) -> None:
@@ -116,12 +147,6 @@ def image_ids(database: pycolmap.Database) -> dict[int, int]:
     """Return the database's id of each photograph."""
     ids = {image.name: image.image_id for image in database.read_all_images()}
     return {photo: ids[image_name(photo)] for photo in range(len(ids))}
-
-
-def _verified(pairs: Int[np.ndarray, "m 2"], database: Path) -> Bool[np.ndarray, " m"]:
-    with pycolmap.Database.open(database) as opened:
-        ids = image_ids(opened)
-        return np.array([opened.exists_two_view_geometry(ids[i], ids[j]) for i, j in pairs.tolist()], bool)
 
 
 def _sound(database: Path) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pycolmap
 
 from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
 from aug3d_core.run.files import EARLIER
-from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
+from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
 from aug3d_core.sfm import features, reuse
 from aug3d_core.sfm.coarse import Compare, comparer
 from aug3d_core.sfm.config import MatchingConfig
@@ -33,11 +34,63 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
 
     A killed try is gone on with: what it found is in its database.
     """
+    found = _find(inputs, config, out, progress, list)
+    photos, choice = found.photos, found.choice
+    features.store_sorted(out / UNSORTED / FEATURES, out / FEATURES)
+    shutil.rmtree(out / UNSORTED)
+    table = matching_table(photos, found.image_sha256, out / FEATURES)
+    table.to_parquet(out / MATCHING_TABLE)
+    counts = table["features"].to_numpy(int)
+    matched = table["matched_pairs"].to_numpy(int).sum() // 2
+    metrics: dict[str, Metric] = {
+        "photos": len(photos),
+        "photos_reused": found.photos_reused,
+        "features_median": float(np.median(counts)),
+        "features_min": int(counts.min()),
+        "pairs_possible": len(photos) * (len(photos) - 1) // 2,
+        "pairs_tried": len(choice.pairs),
+        "pairs_reused": found.pairs_reused,
+        "pairs_matched": int(matched),
+        "pairs_matched_share": float(matched) / len(choice.pairs),
+        "pairs_by": choice.by,
+        "photos_doubted_gps": len(choice.doubted),
+        "pairs_ranked": found.pairs_ranked,
+    }
+    if not found.resumed:  # the record tells what all tries cost together
+        metrics |= found.spent
+    return Outcome(
+        metrics=metrics,
+        notes=_notes(photos, table, choice),
+        decisions=tuple(matching_decisions(metrics)),
+    )
+
+
+def assist(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -> Outcome:
+    """Find features, then matches, that nobody has found yet."""
+    return Outcome(metrics={"pairs_tried": len(_find(inputs, config, out, progress, from_elsewhere).choice.pairs)})
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What is in the database, what was there before, and what the rest cost."""
+
+    photos: pd.DataFrame
+    image_sha256: list[str]
+    choice: Choice
+    resumed: bool
+    photos_reused: int
+    pairs_reused: int
+    pairs_ranked: int
+    spent: dict[str, Metric]
+
+
+def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress, ordered: features.Order) -> _Found:
+    """Fill the database with features, and with matches of the pairs that are worth it."""
     pycolmap.logging.minloglevel = 1
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
     image_sha256 = reuse.digests(photos, images)
     clock = _Clock()
-    (out / UNSORTED).mkdir(exist_ok=True)
+    (out / UNSORTED / features.SHARDS).mkdir(parents=True, exist_ok=True)
     database = out / UNSORTED / FEATURES
     resumed = features.make_database(photos, images, database)
     scratch = Path(
@@ -48,46 +101,21 @@ def run(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress) -
     if earlier:
         reuse.copy_features(earlier, database)
         reused = earlier.known
-    features.extract(photos, images, database, config, progress)
+    features.extract(photos, images, database, config, progress, ordered)
     extract_seconds, _ = clock.lap()
     chooser = _Chooser(photos, database, progress)
     choice = choose_pairs(photos, config, chooser)
     coarse_seconds, coarse_cpu_seconds = clock.lap()
     done = reuse.copy_matches(earlier, choice.pairs, database) if earlier else np.zeros(len(choice.pairs), bool)
-    features.match(choice.pairs, database, config, progress)
+    features.match(choice.pairs, database, config, progress, ordered)
     match_seconds, match_cpu_seconds = clock.lap()
-    features.store_sorted(database, out / FEATURES)
-    shutil.rmtree(out / UNSORTED)
-    table = matching_table(photos, image_sha256, out / FEATURES)
-    table.to_parquet(out / MATCHING_TABLE)
-    counts = table["features"].to_numpy(int)
-    matched = table["matched_pairs"].to_numpy(int).sum() // 2
-    metrics: dict[str, Metric] = {
-        "photos": len(photos),
-        "photos_reused": int(reused.sum()),
-        "features_median": float(np.median(counts)),
-        "features_min": int(counts.min()),
-        "pairs_possible": len(photos) * (len(photos) - 1) // 2,
-        "pairs_tried": len(choice.pairs),
-        "pairs_reused": int(done.sum()),
-        "pairs_matched": int(matched),
-        "pairs_matched_share": float(matched) / len(choice.pairs),
-        "pairs_by": choice.by,
-        "photos_doubted_gps": len(choice.doubted),
-        "pairs_ranked": chooser.ranked,
+    spent: dict[str, Metric] = {
+        "extract_seconds": extract_seconds,
+        "coarse_seconds": coarse_seconds,
+        "match_seconds": coarse_seconds + match_seconds,
+        "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
     }
-    if not resumed:  # the record tells what all tries cost together
-        metrics |= {
-            "extract_seconds": extract_seconds,
-            "coarse_seconds": coarse_seconds,
-            "match_seconds": coarse_seconds + match_seconds,
-            "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
-        }
-    return Outcome(
-        metrics=metrics,
-        notes=_notes(photos, table, choice),
-        decisions=tuple(matching_decisions(metrics)),
-    )
+    return _Found(photos, image_sha256, choice, resumed, int(reused.sum()), int(done.sum()), chooser.ranked, spent)
 
 
 class _Chooser:

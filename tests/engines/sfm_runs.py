@@ -30,11 +30,11 @@ def take_photos(folder: Path, out: Path) -> Path:
 
 
 def run_stage(
-    name: str, folder: Path, inputs: dict[str, Path], cpus: set[int] | None = None, **config: Any
+    name: str, folder: Path, inputs: dict[str, Path], cpus: set[int] | None = None, assist: bool = False, **config: Any
 ) -> dict[str, Any]:
-    """Run the stage of a name that reads these inputs; return its outcome, or its error."""
-    folder.mkdir(parents=True)
-    process = _start(name, folder, inputs, config)
+    """Run the stage of a name that reads these inputs; return its outcome, or its error. assist: only make its shards."""
+    folder.mkdir(parents=True, exist_ok=True)
+    process = _start(name, folder, inputs, config, assist)
     if cpus is not None:
         os.sched_setaffinity(process.pid, cpus)  # long before it has imported an engine, which counts them
     return _told(name, folder, process)
@@ -55,10 +55,10 @@ def run_stage_killed(
     return _told(name, folder, _start(name, folder, inputs, config))
 
 
-def _start(name: str, folder: Path, inputs: dict[str, Path], config: dict[str, Any]) -> Popen:
+def _start(name: str, folder: Path, inputs: dict[str, Path], config: dict[str, Any], assist: bool = False) -> Popen:
     ways, read = (*FROM_PHOTOS, *FROM_POSES, *FROM_MODEL), set(inputs) - {EARLIER}
     stage = next(one for one in ways if one.name == name and set(one.inputs) == read)
-    job = Job(stage=name, entry=stage.entry, config=config, inputs=inputs)
+    job = Job(stage=name, entry=stage.assist if assist else stage.entry, config=config, inputs=inputs)
     (folder / JOB).write_text(job.model_dump_json())
     return start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: "1"})
 

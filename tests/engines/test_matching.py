@@ -19,6 +19,7 @@ from PIL import Image
 
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.files import EARLIER
+from aug3d_core.sfm.features import SHARDS
 from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
 from aug3d_core.sfm.matching_stage import UNSORTED
 from tests.engines.little_scene import FOCAL_PX
@@ -180,6 +181,26 @@ def test_what_was_copied_before_a_kill_is_not_copied_twice(flown: tuple[Path, di
     outcome = run_stage_killed("matching", tmp_path / "grown", inputs, moments)["metrics"]
     assert (outcome["photos_reused"], outcome["pairs_reused"], outcome["pairs_tried"]) == (10, 45, 66)
     assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(tmp_path / "grown"))
+
+
+def test_what_another_machine_has_found_is_used_and_the_bytes_are_the_same(
+    flown: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """A shard that a power cut tore is made again."""
+    inputs, mine = {"photos": flown[0] / "photos"}, tmp_path / "mine"
+    run_stage("matching", tmp_path / "theirs", inputs, assist=True)
+    shards = files_of(mine) / UNSORTED / SHARDS
+    shutil.copytree(files_of(tmp_path / "theirs") / UNSORTED / SHARDS, shards)
+    assert [file.name.partition("_")[0] for file in sorted(shards.iterdir())] == ["features", "features", "pairs"]
+    whole = {file: file.read_bytes() for file in shards.iterdir()}
+    torn, *others = sorted(shards.iterdir())
+    os.truncate(torn, 9000)
+    as_copied = {file: (file.stat().st_ino, file.stat().st_mtime_ns) for file in others}
+    run_stage("matching", mine, inputs, assist=True)
+    assert {file: (file.stat().st_ino, file.stat().st_mtime_ns) for file in others} == as_copied
+    assert {file: file.read_bytes() for file in shards.iterdir()} == whole
+    run_stage("matching", mine, inputs)
+    assert_same_files(files_of(flown[0] / "sfm_matching"), files_of(mine))
 
 
 def test_removed_photographs_leave_nothing(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
