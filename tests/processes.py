@@ -24,6 +24,7 @@ _KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
 _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
 _PROGRAMS = ("attack", "flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
 _LONGEST_FIRST = (
+    "tests/attack/test_kills", "tests/attack/test_full_disk.py", "tests/attack/test_workers.py",
     "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/journeys/test_workers.py", "tests/infra",
     "tests/engines", "tests/flows", "tests/tasks",
 )  # fmt: skip

@@ -32,7 +32,7 @@ class Salted(Stages):
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> Salted:
     stand_in = Salted(folds=1)
-    monkeypatch.setattr("aug3d_core.factory.build._compute", lambda store, work, report: stand_in._compute(store, work))
+    monkeypatch.setattr("aug3d_core.factory.build._compute", lambda store, work, *_: stand_in._compute(store, work))
     monkeypatch.setattr(Material, "stages", lambda _: FEW)
     return stand_in
 

@@ -16,12 +16,19 @@ KEYS = {
     "AWS_SECRET_ACCESS_KEY": "a-secret-that-no-log-may-hold",
     "AWS_REGION": "us-east-1",
 }
-# The bucket is there before the port is open, as it is where a service comes back
+# The bucket is there before the port is open, as it is where a service comes back. A service sees whether a name is taken and
+# puts in one step; moto's threads do not.
 _SERVER = f"""
-import sys
+import sys, threading
 from moto.core import DEFAULT_ACCOUNT_ID
 from moto.s3.models import s3_backends
+from moto.s3.responses import S3Response
 from moto.server import main
+one_step, put = threading.Lock(), S3Response.put_object
+def put_object(self):
+    with one_step:
+        return put(self)
+S3Response.put_object = put_object
 s3_backends[DEFAULT_ACCOUNT_ID]["aws"].create_bucket("{BUCKET}", "us-east-1")
 main(["-H", "127.0.0.1", "-p", sys.argv[1]])
 """
