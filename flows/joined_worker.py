@@ -28,6 +28,7 @@ from flows.pool import (
 from flows.services import tell_ready
 from flows.serving import queues_from
 from flows.settings import home
+from flows.stranded import watch_stranded
 from flows.takeover import take_over
 from flows.worker import tell_mlflow
 
@@ -47,7 +48,8 @@ async def _work(store: Store, bucket: Bucket) -> None:
     worker = PoolWorker(store, queues, RUNS_AT_ONCE, own=True, before=begin_with)
     tell_ready(store.root)
     print(f"{worker.name} takes runs", flush=True)
-    await work_until_ended(worker.start(), watch_cancelled(store), tell_mlflow(store), watch_leases(store))
+    watches = watch_cancelled(store), watch_leases(store), watch_stranded(store, (worker,))
+    await work_until_ended(worker.start(), tell_mlflow(store), *watches)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from uuid import UUID
 
 import psutil
 from anyio.abc import TaskStatus
@@ -75,6 +76,7 @@ class PoolWorker(ProcessWorker):
         name, served = f"{machine(store)} ({', '.join(queues)})", [*queues, *([machine(store)] if own else [])]
         super().__init__(POOL, served, name, limit=limit, create_pool_if_not_found=False)
         self._store, self._before = store, before
+        self.executed: set[UUID] = set()  # runs, now
 
     async def run(
         self,
@@ -91,12 +93,21 @@ class PoolWorker(ProcessWorker):
                 task_status.started(0)  # Prefect's worker waits for it, though no process is begun
             await self.client.set_flow_run_state(flow_run.id, Failed(message=wrong), force=True)
             return ProcessWorkerResult(identifier=str(flow_run.id), status_code=0)
-        async with in_thread(_leased(self._store, flow_run)):
-            await asyncio.to_thread(self._before)
-            result = await super().run(flow_run, configuration, task_status)
-            if result.status_code and await put_back(self.client, flow_run.id):
-                return result.model_copy(update={"status_code": 0})  # or Prefect calls it crashed
-            return result
+        self.executed.add(flow_run.id)
+        try:
+            async with in_thread(_leased(self._store, flow_run)):
+                await asyncio.to_thread(self._before)
+                return await super().run(flow_run, configuration, task_status)
+        finally:
+            self.executed.discard(flow_run.id)
+
+    async def _propose_crashed_state(
+        self, flow_run: FlowRun, message: str, client: PrefectClient | None = None
+    ) -> None:
+        """Put a run back in line whose process was killed, or could not be begun since Prefect was away or too busy."""
+        with _patient():  # or `stranded` finds it
+            if not await put_back(self.client, flow_run.id):
+                await super()._propose_crashed_state(flow_run, message, client)
 
     async def get_and_submit_flow_runs(self) -> list[FlowRun]:
         """Ask for runs; without an answer there are none yet, and those at work go on."""

@@ -40,9 +40,9 @@ CANCELLED_WITHIN_S = 30.0
 _DUE_S = 5.0
 PAGE = 200  # the most that Prefect tells at a time
 MOST_KILLS = 3  # of a run's process while its worker lives, as by a machine without memory
-_STARTED = StateType.RUNNING, StateType.PENDING
-AT_WORK = *_STARTED, StateType.CANCELLING
-_KILLED = "its process was killed; finished steps are not made again"
+STARTED = StateType.RUNNING, StateType.PENDING
+AT_WORK = *STARTED, StateType.CANCELLING
+_KILLED = "its process was killed, or could not be begun; finished steps are not made again"
 _ENDED = "its process ended before it did; finished steps are not made again"
 _PART_ENDED = "its process has ended; whoever started it can start it again"
 
@@ -78,10 +78,12 @@ async def take_over_from_others(client: PrefectClient, store: Store, watch: Watc
 
 
 async def put_back(client: PrefectClient, flow_run_id: UUID) -> bool:
-    """Put a run back in line whose process was killed, unless that has happened too often; say whether it is in line."""
+    """Put a run back in line that did not end by itself, unless that has happened too often; say whether it is in line."""
     run, before = await client.read_flow_run(flow_run_id), await client.read_flow_run_states(flow_run_id)
+    if run.state_type == StateType.SCHEDULED:
+        return True
     kills = 1 + sum(state.message == _KILLED for state in before)
-    if run.state_type not in (*_STARTED, StateType.CRASHED) or kills >= MOST_KILLS:
+    if run.state_type not in (*STARTED, StateType.CRASHED) or kills >= MOST_KILLS:
         return False
     await _end(client, run, _KILLED)
     return True

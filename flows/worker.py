@@ -39,6 +39,7 @@ from flows.pool import (
 from flows.services import tell_ready
 from flows.serving import queues_from
 from flows.settings import COLLECTION, OURS, SCENE, home
+from flows.stranded import watch_stranded
 from flows.takeover import PAGE, on_all_pages, one_of_the_missed, take_over
 from tasks.mlflow_outbox import waiting
 from tasks.tracking import flush
@@ -66,7 +67,8 @@ async def _work(store: Store) -> None:
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
     workers = PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE), PoolWorker(store, (BATCH,), 1)
-    services = _watch_registry(store, known), watch_cancelled(store), watch_leases(store), tell_mlflow(store)
+    watches = watch_cancelled(store), watch_leases(store), watch_stranded(store, workers)
+    services = _watch_registry(store, known), tell_mlflow(store), *watches
     await work_until_ended(*services, *(worker.start() for worker in workers))
 
 

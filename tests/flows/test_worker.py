@@ -402,6 +402,72 @@ def test_a_run_that_is_killed_each_time_is_given_up(store: Store) -> None:
     assert run(states()) == [(True, "AwaitingRetry")] * 2 + [(False, "Crashed"), (False, "Running")]
 
 
+def test_a_run_that_its_worker_has_lost_is_put_back(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a server that was away just when the run was begun."""
+    from prefect.client.orchestration import get_client
+    from prefect.states import Pending, Running
+
+    from flows import stranded
+    from flows.deployments import of_scene
+    from flows.pool import HOME, WORKER, PoolWorker
+    from tasks.run_locks import run_lock
+
+    monkeypatch.setattr(stranded, "STRANDED_S", 0.5)
+    worker = PoolWorker(store, (HOME,), 1)
+
+    async def states() -> list[list[str]]:
+        async with get_client() as client:
+            deployment = await (await of_scene("stranded", scene())).aapply()
+            names = ("lost", "lost early", "executed", "has a process", "of another")
+            runs = {
+                name: (
+                    await client.create_flow_run_from_deployment(
+                        deployment, state=Pending() if name == "lost early" else Running()
+                    )
+                ).id
+                for name in names
+            }
+            for name, each in runs.items():
+                await client.update_flow_run_labels(each, {WORKER: "box (home)" if "another" in name else worker.name})
+            worker.executed.add(runs["executed"])
+            seen, watch = [], stranded.Stranded(store, (worker,))
+            with run_lock(store.root, str(runs["has a process"])):
+                for _ in range(2):
+                    await watch.look(client)
+                    found = {name: await client.read_flow_run(each) for name, each in runs.items()}
+                    seen.append([name for name, each in found.items() if each.state.name == "AwaitingRetry"])
+                    await asyncio.sleep(0.6)
+            return seen
+
+    assert run(states()) == [[], ["lost", "lost early"]]
+
+
+def test_a_run_that_cannot_be_begun_now_stays_in_line(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import httpx
+
+    from flows.pool import HOME, PoolWorker
+
+    written(tmp_path, monkeypatch)
+    busy = [httpx.ReadTimeout("Prefect is busy")]
+
+    async def labels(self: Any, flow_run: Any) -> None:
+        if busy:
+            raise busy.pop()
+
+    monkeypatch.setattr(PoolWorker, "_give_worker_labels_to_flow_run", labels)
+
+    async def executed() -> list[Any]:
+        run, seen = await begun("told"), []
+        for _ in range(2):
+            await PoolWorker(store, (HOME,), 1).start(run_once=True)
+            seen.append((await ended(run)).state.name)
+        return seen
+
+    assert run(executed()) == ["AwaitingRetry", "Completed"]
+
+
 def test_a_run_that_was_cancelled_or_failed_stays_so(store: Store) -> None:
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelled, Cancelling, Completed, Failed
