@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -40,21 +41,30 @@ REAL_PHOTOS = Path(__file__).parents[2] / "shared" / "data"
 
 
 @pytest.fixture(scope="session")
-def prefect(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Give the tests a Prefect server and results folder that end with them."""
+def prefect_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """Start a Prefect server with a results folder for the tests of this process; return the variables that name it."""
     from flows.server import prefect_server
     from flows.settings import local_environment
 
     home = tmp_path_factory.mktemp("home")
-    for name, value in local_environment(home).items():
-        os.environ[name] = value
-    with prefect_server(home) as wait_until_ready:
-        from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
+    told = local_environment(home)
+    with ExitStack() as stack:
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in told.items():
+                patch.setenv(name, value)
+            stack.enter_context(prefect_server(home))()
+            from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
 
-        wait_until_ready()
-        own = {setting: os.environ[setting.name] for setting in (PREFECT_API_URL, PREFECT_API_AUTH_STRING)}
+            own = {setting: os.environ.pop(setting.name) for setting in (PREFECT_API_URL, PREFECT_API_AUTH_STRING)}
         with temporary_settings(own):  # it may be imported already
-            yield
+            yield {**told, **{setting.name: value for setting, value in own.items()}}
+
+
+@pytest.fixture
+def prefect(prefect_of_tests: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a test use the Prefect server of this process's tests."""
+    for name, value in prefect_of_tests.items():
+        monkeypatch.setenv(name, value)
 
 
 @pytest.fixture(scope="session")
