@@ -52,6 +52,10 @@ _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # f
         "Worse and worse photographs, poses, meshes and settings: where methods break, and who notices. A night.",
     ),
 )
+_PARTS: tuple[tuple[Flow[..., State], str], ...] = (
+    (share, "Started by studies, not by people: makes cells of a study of another machine."),
+    (help_with, "Started by runs of scenes, not by people: makes shards of a stage that takes another machine long."),
+)
 
 
 class _Closed(ParameterSchema):
@@ -106,22 +110,10 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
         queue=BATCH,
         description="Makes scenes again, each as far as something changed, and as many at once as workers take.",
     )
-    yield await _deployment(
-        share,
-        name=DEPLOYED,
-        queue=CPU,
-        description="Started by studies, not by people: makes cells of a study of another machine.",
-        at_once=None,
-        tags=["study"],
-    )
-    yield await _deployment(
-        help_with,
-        name=DEPLOYED,
-        queue=CPU,
-        description="Started by runs of scenes, not by people: makes shards of a stage that takes another machine long.",
-        at_once=None,
-        tags=["help"],
-    )
+    for flow, description in _PARTS:
+        yield await _deployment(
+            flow, name=DEPLOYED, queue=CPU, description=description, at_once=None, tags=["part of another run"]
+        )
     for study, name, given, description in _STUDIES:
         yield await _deployment(
             study,

@@ -28,6 +28,7 @@ Metric = float | int | str | bool | None
 Inputs = Mapping[str, Path]
 Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
+Order = Callable[[Sequence[int]], list[int]]  # in which shards are made: `list`, or `from_elsewhere`
 
 
 class Frozen(BaseModel):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import pycolmap
 from jaxtyping import Int, UInt8
 
 from aug3d_core.photos.files import image_name
-from aug3d_core.run.stage import Progress
+from aug3d_core.run.stage import Order, Progress
 from aug3d_core.sfm.coarse import largest
 from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.sfm.matching_shards import Shard
@@ -27,7 +26,6 @@ _CAMERA_MODEL = "SIMPLE_RADIAL"
 _PHOTOS_PER_SHARD = 8
 _PAIRS_PER_SHARD = 400
 SHARDS = "shards"  # folder beside the database
-Order = Callable[[Sequence[int]], list[int]]  # in which shards are made, by their first photograph or pair
 
 
 def threads() -> int:

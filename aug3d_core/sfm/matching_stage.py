@@ -14,7 +14,7 @@ import pycolmap
 
 from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
 from aug3d_core.run.files import EARLIER
-from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
+from aug3d_core.run.stage import Inputs, Metric, Order, Outcome, Progress, from_elsewhere
 from aug3d_core.sfm import features, reuse
 from aug3d_core.sfm.coarse import Compare, comparer
 from aug3d_core.sfm.config import MatchingConfig
@@ -84,7 +84,7 @@ class _Found:
     spent: dict[str, Metric]
 
 
-def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress, ordered: features.Order) -> _Found:
+def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress, ordered: Order) -> _Found:
     """Fill the database with features, and with matches of the pairs that are worth it."""
     pycolmap.logging.minloglevel = 1
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES

@@ -136,7 +136,7 @@ class _Exchange:
 
     def _names(self) -> list[str]:
         names = (name.removeprefix(self.top) for name in self._bucket.names(self.top))
-        return [name for name in names if ".." not in name.split("/")]
+        return [name for name in names if not {"", ".", ".."} & {*name.split("/")}]
 
     def _download(self, name: str, file: Path) -> bool:
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from PIL import Image
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.sheet import save_sheet
-from aug3d_core.run.stage import Inputs, Outcome, Progress, from_elsewhere
+from aug3d_core.run.stage import Inputs, Order, Outcome, Progress, from_elsewhere
 from aug3d_core.town.config import TownConfig
 from aug3d_core.town.drone.develop import Darkroom, rendered_views
 from aug3d_core.town.drone.flight import SECONDS_PER_PHOTO, plan_flight
@@ -52,9 +51,7 @@ def assist(inputs: Inputs, config: TownConfig, out: Path, progress: Progress) ->
     return Outcome(metrics={"photos": _fly(config, out, progress, from_elsewhere)[2]})
 
 
-def _fly(
-    config: TownConfig, out: Path, progress: Progress, ordered: Callable[[Sequence[int]], list[int]]
-) -> tuple[Town, int, int]:
+def _fly(config: TownConfig, out: Path, progress: Progress, ordered: Order) -> tuple[Town, int, int]:
     """Write truth and photographs; return the town, the number of photographs, and of those that were rendered."""
     scene_rng, flight_rng, gps_rng, defects_rng = np.random.default_rng(config.seed).spawn(4)
     lens = Lens.of(config)

@@ -126,3 +126,15 @@ def test_what_is_here_is_not_replaced_by_what_others_made(tmp_path: Path, bucket
             place.put(f"work/depth/k/{name}", b"theirs")
         wait_for(lambda: "raw/b" in files(one))
         assert files(one) == {"raw/a": "mine", "raw/b": "theirs", "other/c": "no shard"}
+
+
+def test_no_name_leads_out_of_the_folder(tmp_path: Path, bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name of another machine may be anything, an absolute path too."""
+    outside, folder = tmp_path / "outside", tmp_path / "in" / "files"
+    names = ["raw/a", f"/{outside}/raw/b", "raw/../../../outside/c", "./raw/d"]
+    put = {f"work/depth/k/{name}": b"theirs" for name in names}
+    monkeypatch.setattr(Bucket, "names", lambda self, prefix: [name for name in put if name.startswith(prefix)])
+    monkeypatch.setattr(Bucket, "download", lambda self, name, file: file.write_bytes(put[name]))
+    with pytest.raises(KeyboardInterrupt), handing_over(Bucket(bucket), "depth/k", folder, SHARDS, helped=True):
+        assert files(folder) == {"raw/a": "theirs"} and not outside.exists()
+        raise KeyboardInterrupt
