@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -113,23 +113,26 @@ def bench_nerf(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_js
 def bench_heads(
     home: Home = HOME,
     preset: Preset = "tiny",
-    photos: Annotated[
-        list[Path], typer.Option(help="Also train and judge on these photographs, and judge the town's model on them.")
-    ] = [],
+    photos_root: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also train and judge on each folder of photographs in this one, and judge the town's model on them."
+        ),
+    ] = None,
     set_: Set = [],
     as_json: AsJson = False,
 ) -> None:
-    """The plane sweep against the cheap answers, PixelNeRF, and on places that it never saw (40 minutes; the town alone: 25).
+    """The plane sweep against cheap answers and PixelNeRF, and on places it never saw (an hour; the town alone: half of it).
 
     Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
     """
 
     def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
         from aug3d_core.bench import heads
+        from aug3d_core.bench.scores import photo_sets
 
-        return Measurement(
-            heads.figures(store, scene, say, tuple(photos)), {"photos": [str(folder) for folder in photos]}
-        )
+        photos = photo_sets(photos_root)
+        return Measurement(heads.figures(store, scene, say, photos), {"photos": _names(photos)})
 
     _bench("heads", home, preset, set_, as_json, measure)
 
@@ -138,12 +141,9 @@ def bench_heads(
 def bench_generalisation(
     home: Home = HOME,
     preset: Preset = "tiny",
-    photos: Annotated[
-        list[Path],
-        typer.Option(
-            help="Judge on these photographs; the first against the goals of a dense town, others of a coast."
-        ),
-    ] = [],
+    photos_root: Annotated[
+        Path | None, typer.Option(help="Judge on each folder of photographs in this one; figures have its first word.")
+    ] = None,
     towns: Annotated[
         bool,
         typer.Option("--towns", help="Also train on 1, 3, 10 and 30 made-up towns, and judge each on the photographs."),
@@ -158,9 +158,10 @@ def bench_generalisation(
 
     def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
         from aug3d_core.bench import generalisation
+        from aug3d_core.bench.scores import photo_sets
 
-        found = generalisation.figures(store, scene, say, tuple(photos), towns)
-        return Measurement(found, {"photos": [str(folder) for folder in photos]})
+        photos = photo_sets(photos_root)
+        return Measurement(generalisation.figures(store, scene, say, photos, towns), {"photos": _names(photos)})
 
     _bench("generalisation", home, preset, set_, as_json, measure)
 
@@ -217,6 +218,10 @@ def _bench(
             shutil.rmtree(unfinished)
         _print(told, found.figures, kept, as_json)
         raise typer.Exit(0 if all(figure.value is not None for figure in found.figures.values()) else 1)
+
+
+def _names(photos: Mapping[str, Path]) -> dict[str, str]:
+    return {name: folder.name for name, folder in photos.items()}
 
 
 def _saying(status: Any) -> Say:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TypeVar
 
 from aug3d_core.studies.common.trial import Trial
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -36,11 +40,7 @@ def told(trial: Trial, stage: str, name: str) -> float | None:
     return None if value is None else float(value)
 
 
-def names_of(folders: Sequence[Path]) -> list[str]:
-    """Return a name for each folder: its own, behind that of the folder above where several have the same."""
-    own = [folder.resolve() for folder in folders]
-    names = [folder.name for folder in own]
-    return [
-        f"{folder.parent.name}_{name}" if names.count(name) > 1 else name
-        for folder, name in zip(own, names, strict=True)
-    ]
+def in_own_process(work: Callable[[], T]) -> T:
+    """Return what a function returns that runs in a new process: its memory and its engines are its own."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(work).result()

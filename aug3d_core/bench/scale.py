@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import resource
 import time
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from typing import TypeVar
 
 import numpy as np
 
 from aug3d_core.bench.big_scene import big_scene
-from aug3d_core.bench.figure import Figure, at_most
+from aug3d_core.bench.figure import Figure, at_most, in_own_process
 from aug3d_core.geometry.shared_points import look_positions, shared_points, visibility
 from aug3d_core.groups.config import GROUPING_PRESETS
 from aug3d_core.groups.methods import METHODS
@@ -22,7 +18,6 @@ from aug3d_core.studies.common.trial import Measured, Say
 
 PHOTOS, OBSERVATIONS = 10_000, 10_000_000
 _KIB_PER_MIB = 1024
-_T = TypeVar("_T")
 
 
 def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
@@ -33,13 +28,13 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     memory is its own; that of the similarity counts the tracks that it works on too.
     """
     say("similarity", 0, 1, f"{PHOTOS} photographs")
-    seconds, peak_mib = _alone(similarity_cost)
+    seconds, peak_mib = in_own_process(similarity_cost)
     found = {
         "similarity_seconds_10k": at_most(10.0, seconds, "s"),
         "similarity_peak_mib_10k": at_most(4096.0, peak_mib, "MiB"),
     }
     say("grouping", 0, 1, f"{PHOTOS} photographs, {len(METHODS)} ways")
-    each = _alone(grouping_seconds)
+    each = in_own_process(grouping_seconds)
     ways = {f"grouping_seconds_10k_{method}": Figure(taken, "s") for method, taken in each.items()}
     return found | {"grouping_seconds_10k": at_most(60.0, max(each.values()), "s")} | ways
 
@@ -65,8 +60,3 @@ def grouping_seconds(photos: int = PHOTOS, observations: int = OBSERVATIONS) -> 
         group(scene, np.arange(len(views)), 20, config.groups, config, np.random.default_rng(0))
         seconds[method] = time.process_time() - start
     return seconds
-
-
-def _alone(work: Callable[[], _T]) -> _T:
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(work).result()

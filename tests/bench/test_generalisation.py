@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
-from aug3d_core.bench.generalisation import _by_towns, _scores, _started
+from aug3d_core.bench.figure import Figure
+from aug3d_core.bench.generalisation import _by_towns, _started, _worst
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import make_data
 from aug3d_core.factory.config import scene_config
-from aug3d_core.judging.summary import CHEAP
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
@@ -19,13 +18,15 @@ from tests.collections.stand_in import Stages
 from tests.stand_in_stages import write_test
 
 
-def test_a_model_from_the_inputs_alone_is_held_against_their_answers() -> None:
-    cheap = {f"{name}_psnr": 20.0 for name in CHEAP}
-    rows = [{"group": n, "psnr": 26.0, "inputs_alone_psnr": 22.5, "inputs_alone_ssim": 0.7, **cheap} for n in range(4)]
-    found = _scores(pd.DataFrame(rows), "coast", {"ground_homography": 3.0, "plane_sweep": 2.0})
-    assert found["coast_inputs_alone_psnr"].value == 22.5 and found["coast_scaffold_psnr"].value == 26.0
-    assert found["coast_over_ground_homography"].holds is False and found["coast_over_plane_sweep"].holds is True
-    assert found["coast_over_plane_sweep_low"].holds is True
+def test_the_worst_place_is_told_first() -> None:
+    found = {
+        f"{place}_{key}": Figure(value, "dB")
+        for place, lead in (("coast", 0.5), ("dense", 3.0))
+        for key, value in (("zero_shot_free_over_homography_db", lead), ("tuned_over_scratch_db", -lead))
+    } | {"coast_tuned_time_share": Figure(0.2, "1"), "dense_tuned_time_share": Figure(0.3, "1")}
+    worst = {key: figure.value for key, figure in _worst(found).items()}
+    assert worst == {"zero_shot_over_homography_db": 0.5, "tuned_over_scratch_db": -3.0, "tuned_time_share": 0.3}
+    assert _worst({"coast": Figure(None, "dB", None, None, "no poses")}) == {}
 
 
 def test_short_trainings_make_all_their_steps() -> None:
