@@ -7,6 +7,7 @@ of which every product stays below 2^24, so single precision is exact and any nu
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -23,6 +24,19 @@ _LENGTH_SQUARED = 512.0**2  # what COLMAP scales a SIFT descriptor to
 _REPORTED = 500
 
 Compare = Callable[[Int[np.ndarray, "m 2"]], Int[np.ndarray, " m"]]
+
+
+@runtime_checkable
+class Look(Protocol):
+    """How photographs are looked at before any is matched."""
+
+    def compare(self, pairs: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, " m"]:
+        """Return how many features of each pair match."""
+        ...
+
+    def shortlist(self, wanted: Int[np.ndarray, " w"], most: int) -> Int[np.ndarray, "m 2"]:
+        """Return the pairs of each wanted photograph with the `most` others that may look most like it."""
+        ...
 
 
 def largest(

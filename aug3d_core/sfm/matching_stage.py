@@ -16,10 +16,10 @@ from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
 from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import Inputs, Metric, Order, Outcome, Progress, from_elsewhere
 from aug3d_core.sfm import features, reuse
-from aug3d_core.sfm.coarse import Compare, comparer
 from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.sfm.decisions import matching_decisions
 from aug3d_core.sfm.files import FEATURES, MATCHING_TABLE
+from aug3d_core.sfm.look import LargestFeatures
 from aug3d_core.sfm.matching_table import matching_table
 from aug3d_core.sfm.pairs import Choice, choose_pairs
 
@@ -103,8 +103,8 @@ def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress,
         reused = earlier.known
     features.extract(photos, images, database, config, progress, ordered)
     extract_seconds, _ = clock.lap()
-    chooser = _Chooser(photos, database, progress)
-    choice = choose_pairs(photos, config, chooser)
+    look = LargestFeatures(photos, database, config.seed, progress)
+    choice = choose_pairs(photos, config, look)
     coarse_seconds, coarse_cpu_seconds = clock.lap()
     done = reuse.copy_matches(earlier, choice.pairs, database) if earlier else np.zeros(len(choice.pairs), bool)
     features.match(choice.pairs, database, config, progress, ordered)
@@ -115,22 +115,7 @@ def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress,
         "match_seconds": coarse_seconds + match_seconds,
         "match_cpu_seconds": coarse_cpu_seconds + match_cpu_seconds,
     }
-    return _Found(photos, image_sha256, choice, resumed, int(reused.sum()), int(done.sum()), chooser.ranked, spent)
-
-
-class _Chooser:
-    """Compare photographs coarsely, reading their largest features only when asked."""
-
-    def __init__(self, photos: pd.DataFrame, database: Path, progress: Progress) -> None:
-        self.photos, self.database, self.progress = photos, database, progress
-        self.ranked = 0
-        self._compare: Compare | None = None
-
-    def __call__(self, pairs: np.ndarray) -> np.ndarray:
-        if self._compare is None:
-            self._compare = comparer(features.read_largest(self.photos, self.database), self.progress)
-        self.ranked += len(pairs)
-        return self._compare(pairs)
+    return _Found(photos, image_sha256, choice, resumed, int(reused.sum()), int(done.sum()), look.ranked, spent)
 
 
 class _Clock:

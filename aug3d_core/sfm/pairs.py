@@ -2,7 +2,8 @@
 
 Positions are believed only as far as the photographs bear them out. Every photograph is compared with its neighbours by
 GPS. Those that do not look more like these than like others, or hang together with a part of the scene only, are compared
-coarsely with all, and then fully with those they look most like. Without GPS that goes for every photograph.
+coarsely with many, and then fully with those they look most like: with all of few, else with those whose vectors are most
+alike (`retrieval`). Without GPS that goes for every photograph.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from scipy.spatial import KDTree
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.run.errors import InputError
-from aug3d_core.sfm.coarse import ALIKE, Compare
+from aug3d_core.sfm.coarse import ALIKE, Look
 from aug3d_core.sfm.config import MatchingConfig
 
 _BLOCK = 20
 _IN_SEQUENCE = 2
 _SPANNING_TREES = 3  # a coarse likeness may be wrong, so parts of a scene are joined by more than one
 _LEAST_CHANCE = 0.6  # one half is what wrong positions give; on the town, right ones gave each photograph 0.68 or more
-_UNKNOWN = -1
+_SHORTLIST = 128  # others that a photograph is compared coarsely with
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Choice:
     doubted: Int[np.ndarray, " d"]
 
 
-def choose_pairs(photos: pd.DataFrame, config: MatchingConfig, compare: Compare) -> Choice:
+def choose_pairs(photos: pd.DataFrame, config: MatchingConfig, look: Look) -> Choice:
     """Choose pairs; `by` is `exhaustive`, `gps`, `coarse`, or `gps and coarse`. Raises InputError without the GPS asked for."""
     enu = gps_positions(photos)[0]
     located = np.isfinite(enu[:, 0])
@@ -54,20 +55,20 @@ def choose_pairs(photos: pd.DataFrame, config: MatchingConfig, compare: Compare)
         near = neighbour_pairs(enu[:, :2], config.neighbours)
         return Choice(_distinct(np.concatenate([near, sequence_pairs(len(photos))])), "gps", nobody)
     if config.pairs == "coarse" or located.sum() < 2:
-        return Choice(_looked_up(len(photos), np.arange(len(photos)), config, compare), "coarse", nobody)
-    return _checked(enu[:, :2], config, compare)
+        return Choice(_looked_up(len(photos), np.arange(len(photos)), config, look), "coarse", nobody)
+    return _checked(enu[:, :2], config, look)
 
 
-def _checked(positions_m: Float[np.ndarray, "n 2"], config: MatchingConfig, compare: Compare) -> Choice:
+def _checked(positions_m: Float[np.ndarray, "n 2"], config: MatchingConfig, look: Look) -> Choice:
     """Return the neighbours by GPS, and more for the photographs that do not look like theirs."""
     count = len(positions_m)
     near, far = neighbour_pairs(positions_m, config.neighbours), drawn_pairs(count, config)
     far = far[~np.isin(_number(far, count), _number(near, count))]
-    doubted = doubtful(near, compare(near), far, compare(far), count)
+    doubted = doubtful(near, look.compare(near), far, look.compare(far), count)
     chosen = np.concatenate([near, sequence_pairs(count)])
     if not len(doubted):
         return Choice(_distinct(chosen), "gps", doubted)
-    more = _looked_up(count, doubted, config, compare)
+    more = _looked_up(count, doubted, config, look)
     return Choice(_distinct(np.concatenate([chosen, more])), "gps and coarse", doubted)
 
 
@@ -98,37 +99,41 @@ def drawn_pairs(count: int, config: MatchingConfig) -> Int[np.ndarray, "m 2"]:
     return _distinct(np.stack([np.repeat(np.arange(count), len(drawn[0])), np.concatenate(drawn)], axis=1))
 
 
-def _looked_up(
-    count: int, wanted: Int[np.ndarray, " w"], config: MatchingConfig, compare: Compare
-) -> Int[np.ndarray, "m 2"]:
+def _looked_up(count: int, wanted: Int[np.ndarray, " w"], config: MatchingConfig, look: Look) -> Int[np.ndarray, "m 2"]:
     """Return the pairs of each wanted photograph with those it looks most like among all, and what joins all parts."""
-    rows, others = np.repeat(wanted, count), np.tile(np.arange(count), len(wanted))
-    pairs = _distinct(np.stack([rows, others], axis=1))
-    scores = np.full((count, count), _UNKNOWN, np.int16)
-    scores[pairs[:, 0], pairs[:, 1]] = scores[pairs[:, 1], pairs[:, 0]] = compare(pairs)
-    return _distinct(
-        np.concatenate([most_alike(scores, wanted, config.neighbours), joining_pairs(scores), sequence_pairs(count)])
-    )
+    if count - 1 <= _SHORTLIST:
+        pairs = np.stack([np.repeat(wanted, count), np.tile(np.arange(count), len(wanted))], axis=1)
+    else:
+        pairs = look.shortlist(wanted, _SHORTLIST)
+    pairs = _distinct(pairs)
+    scores = look.compare(pairs)
+    most = most_alike(pairs, scores, wanted, config.neighbours)
+    return _distinct(np.concatenate([most, joining_pairs(pairs, scores, count), sequence_pairs(count)]))
 
 
 def most_alike(
-    scores: Int[np.ndarray, "n n"], wanted: Int[np.ndarray, " w"], neighbours: int
-) -> Int[np.ndarray, "m 2"]:
-    """Return the pairs of each wanted photograph with those of the highest scores; among equals, the first."""
-    best = np.argsort(-scores[wanted], axis=1, kind="stable")[:, :neighbours]
-    pairs = np.stack([np.repeat(wanted, best.shape[1]), best.ravel()], axis=1)
-    return pairs[scores[pairs[:, 0], pairs[:, 1]] != _UNKNOWN]
+    pairs: Int[np.ndarray, "m 2"], scores: Int[np.ndarray, " m"], wanted: Int[np.ndarray, " w"], neighbours: int
+) -> Int[np.ndarray, "k 2"]:
+    """Return, of distinct pairs, those of each wanted photograph with the highest scores; among equals, the first."""
+    photo, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    score = np.tile(scores, 2)
+    order = np.lexsort((other, -score, photo))
+    order = order[np.isin(photo[order], wanted)]
+    photo, other = photo[order], other[order]
+    first = np.searchsorted(photo, photo)  # of this photograph
+    best = np.arange(len(photo)) - first < neighbours
+    return np.stack([photo[best], other[best]], axis=1)
 
 
-def joining_pairs(scores: Int[np.ndarray, "n n"]) -> Int[np.ndarray, "m 2"]:
+def joining_pairs(pairs: Int[np.ndarray, "m 2"], scores: Int[np.ndarray, " m"], count: int) -> Int[np.ndarray, "k 2"]:
     """Return three spanning trees (or forests) of the highest scores that have no pair in common."""
-    left = np.triu(np.maximum(scores, 0), k=1).astype(float)
+    left = scores > 0
     trees = [np.zeros((0, 2), int)]
     for _ in range(_SPANNING_TREES):
-        i, j = np.nonzero(left)
-        costs = coo_array((1 / left[i, j], (i, j)), shape=scores.shape)
+        i, j = pairs[left].T
+        costs = coo_array((1 / scores[left], (i, j)), shape=(count, count))
         tree = np.stack(minimum_spanning_tree(costs.tocsr()).nonzero(), axis=1)
-        left[tree[:, 0], tree[:, 1]] = left[tree[:, 1], tree[:, 0]] = 0
+        left &= ~np.isin(_number(pairs, count), _number(tree, count))
         trees.append(tree)
     return np.concatenate(trees)
 

@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import connected_components
 
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.run.errors import InputError
-from aug3d_core.sfm.coarse import Compare
 from aug3d_core.sfm.config import MatchingConfig
 from aug3d_core.sfm.pairs import (
     choose_pairs,
@@ -39,18 +38,33 @@ def grid(side: int, step_m: float = STEP_M) -> np.ndarray:
     return np.stack([east.ravel(), north.ravel(), np.full(side * side, 2.5)], axis=1) * step_m
 
 
-def alike_within_reach(enu: np.ndarray) -> Compare:
-    """Return scores that fall with the true distance and are 3 where nothing is shared."""
+class Within:
+    """Scores that fall with the true distance and are 3 where nothing is shared; vectors that know the distance roughly."""
 
-    def compare(pairs: np.ndarray) -> np.ndarray:
-        apart_m = np.linalg.norm(enu[pairs[:, 0]] - enu[pairs[:, 1]], axis=1)
+    def __init__(self, enu: np.ndarray) -> None:
+        self.enu, self.ranked = enu, 0
+
+    def compare(self, pairs: np.ndarray) -> np.ndarray:
+        self.ranked += len(pairs)
+        apart_m = np.linalg.norm(self.enu[pairs[:, 0]] - self.enu[pairs[:, 1]], axis=1)
         return np.where(apart_m < REACH_M, 100 - apart_m, 3).astype(int)
 
-    return compare
+    def shortlist(self, wanted: np.ndarray, most: int) -> np.ndarray:
+        apart_m = np.linalg.norm(self.enu[wanted][:, None] - self.enu, axis=2)
+        apart_m *= np.random.default_rng(0).uniform(0.5, 2, apart_m.shape)
+        apart_m[np.arange(len(wanted)), wanted] = np.inf
+        best = np.argsort(apart_m, axis=1)[:, :most]
+        return np.stack([np.repeat(wanted, most), best.ravel()], axis=1)
 
 
-def not_asked(pairs: np.ndarray) -> np.ndarray:
-    raise AssertionError("nothing had to be ranked")
+class NotAsked:
+    """Nothing had to be looked at."""
+
+    def compare(self, pairs: np.ndarray) -> np.ndarray:
+        raise AssertionError("nothing had to be ranked")
+
+    def shortlist(self, wanted: np.ndarray, most: int) -> np.ndarray:
+        raise AssertionError("nothing had to be looked up")
 
 
 def share_of_near(enu: np.ndarray, pairs: np.ndarray) -> float:
@@ -97,21 +111,26 @@ def test_a_photograph_without_a_position_has_no_neighbours() -> None:
 @settings(max_examples=30, deadline=None)
 @given(st.integers(3, 40), st.integers(1, 8), st.integers(0, 2**31))
 def test_each_photograph_meets_those_it_looks_most_like(count: int, neighbours: int, seed: int) -> None:
-    scores = np.random.default_rng(seed).permutation(count * count).reshape(count, count)
+    rng = np.random.default_rng(seed)
+    scores = rng.permutation(count * count).reshape(count, count)
     scores = np.maximum(scores, scores.T)
     np.fill_diagonal(scores, -1)
-    pairs = {tuple(sorted(pair)) for pair in most_alike(scores, np.arange(count), neighbours)}
-    for i in range(count):
-        for j in np.argsort(-scores[i])[: min(neighbours, count - 1)]:
-            assert (min(i, j), max(i, j)) in pairs
+    ranked = exhaustive_pairs(count)
+    wanted = np.flatnonzero(rng.random(count) < 0.7)
+    pairs = {
+        tuple(sorted(pair))
+        for pair in most_alike(ranked, scores[ranked[:, 0], ranked[:, 1]], wanted, neighbours).tolist()
+    }
+    assert pairs == {
+        (min(i, j), max(i, j)) for i in wanted for j in np.argsort(-scores[i])[: min(neighbours, count - 1)]
+    }
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(10, 40), st.integers(0, 2**31))
 def test_what_joins_all_parts_does_so_by_other_pairs_each_time(count: int, seed: int) -> None:
-    scores = np.random.default_rng(seed).integers(1, 200, (count, count)).astype(np.int16)
-    scores = np.maximum(scores, scores.T)
-    pairs = joining_pairs(scores)
+    ranked = exhaustive_pairs(count)
+    pairs = joining_pairs(ranked, np.random.default_rng(seed).integers(1, 200, len(ranked)), count)
     assert 2 * (count - 1) < len(np.unique(pairs, axis=0)) == len(pairs) <= 3 * (count - 1)
     for tree in (pairs[: count - 1], pairs[count - 1 : 2 * (count - 1)]):
         graph = np.zeros((count, count))
@@ -120,7 +139,7 @@ def test_what_joins_all_parts_does_so_by_other_pairs_each_time(count: int, seed:
 
 
 def test_photographs_that_share_nothing_are_not_joined() -> None:
-    assert len(joining_pairs(np.zeros((5, 5), np.int16))) == 0
+    assert len(joining_pairs(exhaustive_pairs(5), np.zeros(10, int), 5)) == 0
 
 
 def test_drawn_pairs_depend_on_the_seed_alone() -> None:
@@ -131,13 +150,13 @@ def test_drawn_pairs_depend_on_the_seed_alone() -> None:
 
 
 def test_few_photographs_are_all_compared() -> None:
-    choice = choose_pairs(photos_at(grid(5)), MatchingConfig(exhaustive_limit=25), not_asked)
+    choice = choose_pairs(photos_at(grid(5)), MatchingConfig(exhaustive_limit=25), NotAsked())
     assert (len(choice.pairs), choice.by) == (300, "exhaustive")
 
 
 def test_true_gps_gives_neighbours_alone() -> None:
     enu = grid(12)
-    choice = choose_pairs(photos_at(enu), CONFIG, alike_within_reach(enu))
+    choice = choose_pairs(photos_at(enu), CONFIG, Within(enu))
     assert choice.by == "gps"
     assert len(choice.doubted) == 0
     assert len(choice.pairs) < 144 * 8
@@ -146,10 +165,18 @@ def test_true_gps_gives_neighbours_alone() -> None:
 
 def test_without_gps_those_that_look_alike_are_compared() -> None:
     enu = grid(12)
-    choice = choose_pairs(photos_at(enu) * np.nan, CONFIG, alike_within_reach(enu))
+    choice = choose_pairs(photos_at(enu) * np.nan, CONFIG, Within(enu))
     assert choice.by == "coarse"
     assert len(choice.pairs) < 144 * 10
     assert share_of_near(enu, choice.pairs) == 1.0
+
+
+def test_many_photographs_are_compared_coarsely_with_a_shortlist_alone() -> None:
+    look = Within(grid(30))
+    choice = choose_pairs(photos_at(look.enu) * np.nan, CONFIG, look)
+    assert share_of_near(look.enu, choice.pairs) > 0.98
+    assert len(choice.pairs) < 900 * 10
+    assert look.ranked <= 900 * 128 < len(exhaustive_pairs(900)) / 3
 
 
 @pytest.mark.parametrize("wrong", ["swapped", "shuffled", "identical", "stuck", "shifted", "wild", "missing"])
@@ -171,7 +198,7 @@ def test_wrong_gps_loses_no_neighbours(wrong: str) -> None:
         photos.loc[::5, "lat_deg"] += rng.normal(size=len(photos[::5]))
     else:
         photos.loc[::3] = np.nan
-    choice = choose_pairs(photos, CONFIG, alike_within_reach(enu))
+    choice = choose_pairs(photos, CONFIG, Within(enu))
     # Swapped axes stretch the map, but keep who is beside whom.
     assert share_of_near(enu, choice.pairs) > 0.95
     assert wrong == "swapped" or choice.by == "gps and coarse"
@@ -180,7 +207,7 @@ def test_wrong_gps_loses_no_neighbours(wrong: str) -> None:
 
 def test_the_way_can_be_prescribed() -> None:
     enu = grid(12)
-    photos, compare = photos_at(enu), alike_within_reach(enu)
+    photos, compare = photos_at(enu), Within(enu)
     ways = {
         way: choose_pairs(photos, MatchingConfig(pairs=way, neighbours=8), compare)
         for way in ("exhaustive", "gps", "coarse")
@@ -191,7 +218,7 @@ def test_the_way_can_be_prescribed() -> None:
 
 def test_gps_pairs_without_gps_are_refused() -> None:
     with pytest.raises(InputError, match=r"matching\.pairs=gps, but 0 of 144 photographs have GPS") as caught:
-        choose_pairs(photos_at(grid(12)) * np.nan, MatchingConfig(pairs="gps"), not_asked)
+        choose_pairs(photos_at(grid(12)) * np.nan, MatchingConfig(pairs="gps"), NotAsked())
     assert "matching.pairs=auto" in caught.value.remedy
 
 
