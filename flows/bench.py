@@ -81,10 +81,10 @@ def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_j
     """
 
     def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import buildings, coverage, grouping, rendering, scale
+        from aug3d_core.bench import buildings, city, coverage, grouping, rendering
 
         figures: dict[str, Figure] = {}
-        for part in (scale, coverage, rendering, buildings, grouping):
+        for part in (city, coverage, rendering, buildings, grouping):
             found = part.figures(store, scene, say)
             for name, figure in found.items():
                 console.print(f"{name}: {_value(figure)} {figure.unit}", style="dim", highlight=False)
@@ -180,6 +180,29 @@ def bench_machines(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], a
         return Measurement(machines.figures(store, scene, say), {"measured_at": where})
 
     _bench("machines", home, preset, set_, as_json, measure)
+
+
+@bench.command("scale")
+def bench_scale(
+    home: Home = HOME,
+    preset: Preset = "tiny",
+    photos: Annotated[
+        list[int], typer.Option(min=15, help="Size of a town [photographs]; name each size, the smallest first.")
+    ] = [60, 120, 250],
+    set_: Set = [],
+    as_json: AsJson = False,
+) -> None:
+    """How time and memory of each stage grow with the number of photographs (an hour and a half; 2,000 take a day).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import scale
+
+        return Measurement(scale.figures(store, scene, say, photos))
+
+    _bench("scale", home, preset, set_, as_json, measure)
 
 
 def _bench(

@@ -72,7 +72,9 @@ def _worst(found: Mapping[str, Figure]) -> dict[str, Figure]:
     worst = {}
     for key in LEADS:
         of = key.replace("_over_", "_free_over_") if key.startswith("zero") else key
-        values = [figure.value for name, figure in found.items() if name.endswith(f"_{of}") and figure.value is not None]
+        values = [
+            figure.value for name, figure in found.items() if name.endswith(f"_{of}") and figure.value is not None
+        ]
         worst |= {key: Figure(min(values), "dB")} if values else {}
     shares = [figure.value for name, figure in found.items() if name.endswith("_tuned_time_share") and figure.value]
     return worst | ({"tuned_time_share": Figure(max(shares), "1")} if shares else {})

@@ -1,62 +1,136 @@
-"""Similarity and grouping at the size of a city: 10,000 photographs with 10 million observations."""
+"""How each stage grows with the number of photographs: towns of one kind, ever larger, flown at one height."""
 
 from __future__ import annotations
 
-import resource
-import time
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
-from aug3d_core.bench.big_scene import big_scene
-from aug3d_core.bench.figure import Figure, at_most, in_own_process
-from aug3d_core.geometry.shared_points import look_positions, shared_points, visibility
-from aug3d_core.groups.config import GROUPING_PRESETS
-from aug3d_core.groups.methods import METHODS
-from aug3d_core.groups.scene import GroupingScene
+from aug3d_core.bench.figure import Figure, at_least, at_most, in_own_process, told
+from aug3d_core.factory.material import Material
+from aug3d_core.geometry.shared_points import shared_points, visibility
+from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.photos.files import read_photos
+from aug3d_core.sfm.config import MATCHING_PRESETS, MatchingConfig
+from aug3d_core.sfm.files import FEATURES, POINTS, TRACKS, VIEWS
+from aug3d_core.sfm.pairs import choose_pairs
 from aug3d_core.store.store import Store
-from aug3d_core.studies.common.trial import Measured, Say
+from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
+from aug3d_core.town.drone.flight import plan_flight
 
-PHOTOS, OBSERVATIONS = 10_000, 10_000_000
-_KIB_PER_MIB = 1024
+SIZES = (60, 120, 250)
+# Small photographs, soon made; how a stage grows does not depend on their size
+SETTINGS = (
+    "town.width_px=320",
+    "town.samples=3",
+    "depth.max_px=320",
+    "grouping.folds=1",
+    "evaluation.flythrough_frames=0",
+)
+PHOTOS, LENGTH_M, WIDTH_M = 60, 220.0, 130.0  # of the preset's own town
+MOST, MOST_MATCHING = 2.2, 2.5  # times the processor time for twice the photographs
+SEEN_TOGETHER = 50  # points
+_ROUNDS = 4  # a larger flight has less of an edge
+NEIGHBOURS = 12  # of each photograph, so that it has some 20 pairs
+PAIRS = 20.0
 
 
-def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
-    """Return seconds and memory of the similarity matrix, and the seconds of each way of grouping.
-
-    They are processor seconds: the work keeps one core busy, so it takes as long on a machine with nothing else to do.
-    The groups are as many and as large as in the preset `paper`. Each runs in a process of its own, so that the peak of
-    memory is its own; that of the similarity counts the tracks that it works on too.
-    """
-    say("similarity", 0, 1, f"{PHOTOS} photographs")
-    seconds, peak_mib = in_own_process(similarity_cost)
-    found = {
-        "similarity_seconds_10k": at_most(10.0, seconds, "s"),
-        "similarity_peak_mib_10k": at_most(4096.0, peak_mib, "MiB"),
+def figures(store: Store, scene: Measured, say: Say, sizes: Sequence[int]) -> dict[str, Figure]:
+    """Make towns of ever more photographs, and compare the processor time of each stage from one size to the next."""
+    trials: dict[int, Trial] = {}
+    for size in sizes:
+        trial = run_trial(store, "evaluation", town_of(scene, size), (), directly(store, say))
+        if trial.failure:
+            return {f"photos_{size}": Figure(None, "", None, None, trial.failure)}
+        trials[int(trial.records["photos"].metrics["photos"] or 0)] = trial
+    largest = trials[max(trials)]
+    return {
+        **growth({count: _seconds(trial) for count, trial in trials.items()}),
+        "photos_largest": Figure(max(trials), "photographs"),
+        "peak_mib_largest": at_most(8192.0, largest.peak_mib(list(largest.records)), "MiB"),
+        **{f"processor_seconds_{count}": Figure(sum(_seconds(trial).values()), "s") for count, trial in trials.items()},
+        **{f"peak_mib_{count}": Figure(trial.peak_mib(list(trial.records)), "MiB") for count, trial in trials.items()},
+        **_accuracy(trials),
+        **in_own_process(partial(recall_unordered, *_of(store, largest))),
     }
-    say("grouping", 0, 1, f"{PHOTOS} photographs, {len(METHODS)} ways")
-    each = in_own_process(grouping_seconds)
-    ways = {f"grouping_seconds_10k_{method}": Figure(taken, "s") for method, taken in each.items()}
-    return found | {"grouping_seconds_10k": at_most(60.0, max(each.values()), "s")} | ways
 
 
-def similarity_cost(photos: int = PHOTOS, observations: int = OBSERVATIONS) -> tuple[float, float]:
-    """Return the processor seconds that the similarity of a large scene takes, and the peak memory of this process (MiB)."""
-    views, points, tracks = big_scene(photos, observations)
-    start = time.process_time()
-    shared_points(visibility(tracks, len(views), len(points.xyz)))
-    seconds = time.process_time() - start
-    return seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB_PER_MIB
+def town_of(scene: Measured, photos: int) -> Measured:
+    """Return settings of a town that is flown in about so many photographs: larger, not more densely photographed."""
+    times = math.sqrt(photos / PHOTOS)
+    for _ in range(_ROUNDS):
+        area = (f"town.length_m={LENGTH_M * times:.0f}", f"town.width_m={WIDTH_M * times:.0f}")
+        found = Measured(scene.preset, (*SETTINGS, *area, *scene.overrides))
+        times *= math.sqrt(photos / len(plan_flight(found.config().town, np.random.default_rng(0))))
+    return found
 
 
-def grouping_seconds(photos: int = PHOTOS, observations: int = OBSERVATIONS) -> dict[str, float]:
-    """Return the processor seconds that each way of grouping takes, what it alone needs of the scene (its ground) included."""
-    views, points, tracks = big_scene(photos, observations)
-    shared = shared_points(visibility(tracks, len(views), len(points.xyz)))
-    look = look_positions(tracks, points.xyz, len(views))[0]
-    config, seconds = GROUPING_PRESETS["paper"], {}
-    for method, group in METHODS.items():
-        scene = GroupingScene(views, shared, look, points.xyz)
-        start = time.process_time()
-        group(scene, np.arange(len(views)), 20, config.groups, config, np.random.default_rng(0))
-        seconds[method] = time.process_time() - start
-    return seconds
+def growth(seconds: Mapping[int, Mapping[str, float]]) -> dict[str, Figure]:
+    """Return how many times the processor time of each stage rises for twice the photographs, where it rises most.
+
+    seconds: of each stage, by the number of photographs.
+    """
+    found = {}
+    for stage in seconds[min(seconds)]:
+        rises = [
+            (seconds[many][stage] / seconds[few][stage]) ** (1 / math.log2(many / few))
+            for few, many in pairwise(sorted(seconds))
+        ]
+        most = MOST_MATCHING if stage == "matching" else MOST
+        found[f"growth_{stage}"] = at_most(most, max(rises, default=None), "times for twice")
+    return found
+
+
+def recall_unordered(photos: Path, matching: Path, sfm: Path) -> dict[str, Figure]:
+    """Choose pairs as if no photograph had GPS, and return the share found of those that see points together."""
+    from aug3d_core.sfm.look import LargestFeatures
+
+    table = read_photos(photos).assign(lat_deg=np.nan, lon_deg=np.nan, alt_m=np.nan)
+    config = MatchingConfig(**MATCHING_PRESETS["tiny"].model_dump() | {"pairs": "coarse", "neighbours": NEIGHBOURS})
+    look = LargestFeatures(table, matching / FEATURES, config.seed, lambda *_: None)
+    chosen = choose_pairs(table, config, look).pairs
+    views, tracks = Views.load(sfm / VIEWS), Tracks.load(sfm / TRACKS)
+    shared = shared_points(visibility(tracks, len(views), len(Points.load(sfm / POINTS).xyz))).tocoo()
+    together = (shared.data >= SEEN_TOGETHER) & (shared.row < shared.col)
+    true = np.sort(
+        np.stack([views.photo_id[shared.row[together]], views.photo_id[shared.col[together]]], axis=1), axis=1
+    )
+    recall = float(np.isin(_number(true, len(table)), _number(chosen, len(table))).mean())
+    return {
+        "pairs_recall_unordered": at_least(0.95, recall, "share"),
+        "pairs_per_photo_unordered": at_most(PAIRS, 2 * len(chosen) / len(table), "pairs"),
+        "pairs_ranked_share_unordered": Figure(2 * look.ranked / (len(table) * (len(table) - 1)), "share"),
+    }
+
+
+def _number(pairs: np.ndarray, count: int) -> np.ndarray:
+    return pairs[:, 0] * count + pairs[:, 1]
+
+
+def _seconds(trial: Trial) -> dict[str, float]:
+    return {stage.name: trial.cpu_seconds([stage.name]) for stage in Material().stages() if trial.of([stage.name])}
+
+
+def _of(store: Store, trial: Trial) -> tuple[Path, Path, Path]:
+    photos, matching, sfm = (store.files_dir(trial.records[name]) for name in ("photos", "matching", "sfm"))
+    return photos, matching, sfm
+
+
+def _accuracy(trials: Mapping[int, Trial]) -> dict[str, Figure]:
+    """Return how many photographs have a pose, and how many times as far the largest town's are off as the smallest's [m].
+
+    A town's extent, of which errors are a share, is as the root of its photographs.
+    """
+    found = {
+        f"registered_share_{count}": at_least(0.98, told(trial, "truth", "registered_share"), "share")
+        for count, trial in trials.items()
+    }
+    errors = {count: told(trial, "truth", "position_error_pct") for count, trial in trials.items()}
+    found |= {f"position_error_pct_{count}": Figure(error, "% of extent") for count, error in errors.items()}
+    least, most = (errors[of(errors)] for of in (min, max))
+    rise = most / least * math.sqrt(max(errors) / min(errors)) if least and most else None
+    return found | {"position_error_growth": at_most(2.0, rise, "times")}
