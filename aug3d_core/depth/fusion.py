@@ -21,6 +21,7 @@ MOST_OFF_DEPTH = 0.01  # relative
 MOST_OFF_NORMAL_DEG = 60.0  # normals of crowns and edges scatter; position and confirmation decide there
 # Of the free memory; a cache that held half of twelve photographs, all of one place, took 40 times as long
 CACHE_SHARE = 0.5
+_PART = 1_000_000  # numbers that are read at a time
 _POINT = np.dtype([("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)])
 
 
@@ -58,9 +59,13 @@ def _read_ply(path: Path) -> np.ndarray:
 
 def _read_counts(path: Path, points: int) -> UInt8[np.ndarray, " n"]:
     """Return the number of photographs of each point: after the number of points (uint64), a count and its image indices."""
-    numbers = np.fromfile(path, "<u4", offset=8).tolist()
-    counts, place = np.zeros(points, np.uint8), 0
+    numbers = np.memmap(path, "<u4", "r", offset=8) if points else np.zeros(0, "<u4")
+    counts, place, first = np.zeros(points, np.uint8), 0, 0
+    part: list[int] = []  # as Python's numbers, each of which takes ten times the room
     for point in range(points):
-        counts[point] = min(numbers[place], 255)
-        place += numbers[place] + 1
+        if place - first >= len(part):
+            first, part = place, numbers[place : place + _PART].tolist()
+        count = part[place - first]
+        counts[point] = min(count, 255)
+        place += count + 1
     return counts

@@ -355,3 +355,14 @@ def test_a_worker_that_dies_says_its_last_words(inputs: Inputs, tmp_path: Path) 
     )
     with pytest.raises(WorkerDied, match=r"missing\.npz"):
         run_jobs([job], lambda: None)
+
+
+@pytest.mark.parametrize("part", [1, 3, 1000])
+def test_the_photographs_of_points_are_counted_in_parts_of_any_size(
+    part: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts, rng = [2, 5, 3, 300, 2, 2, 7], np.random.default_rng(0)
+    numbers = [number for count in counts for number in (count, *rng.integers(0, 400, count))]
+    (tmp_path / "vis").write_bytes(np.uint64(len(counts)).tobytes() + np.array(numbers, "<u4").tobytes())
+    monkeypatch.setattr(fusion, "_PART", part)
+    assert fusion._read_counts(tmp_path / "vis", len(counts)).tolist() == [2, 5, 3, 255, 2, 2, 7]
