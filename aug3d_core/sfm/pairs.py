@@ -2,8 +2,8 @@
 
 Positions are believed only as far as the photographs bear them out. Every photograph is compared with its neighbours by
 GPS. Those that do not look more like these than like others, or hang together with a part of the scene only, are compared
-coarsely with many, and then fully with those they look most like: with all of few, else with those whose vectors are most
-alike (`retrieval`). Without GPS that goes for every photograph.
+coarsely with others, and then fully with those they look most like: with all of few; else with those whose vectors are most
+alike (`retrieval`), and with what looks like these. Without GPS that goes for every photograph.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ _BLOCK = 20
 _IN_SEQUENCE = 2
 _SPANNING_TREES = 3  # a coarse likeness may be wrong, so parts of a scene are joined by more than one
 _LEAST_CHANCE = 0.6  # one half is what wrong positions give; on the town, right ones gave each photograph 0.68 or more
-_SHORTLIST = 128  # others that a photograph is compared coarsely with
+_FEW = 128  # others that a photograph is compared coarsely with, all of them
+_SHORTLIST = 16  # those it is compared with first, where they are more
+_HOPS, _ALIKE_HOPS = 2, 8  # then those that look like its 8 most alike
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,21 @@ class Choice:
     pairs: Int[np.ndarray, "m 2"]
     by: str
     doubted: Int[np.ndarray, " d"]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Distinct pairs (i < j) that were compared coarsely, and how many features match."""
+
+    pairs: Int[np.ndarray, "m 2"]
+    scores: Int[np.ndarray, " m"]
+
+    def with_new(self, pairs: Int[np.ndarray, "k 2"], look: Look) -> Scored:
+        """Return these with the others of some pairs, which are compared."""
+        pairs = _distinct(pairs)
+        count = int(max(pairs.max(initial=0), self.pairs.max(initial=0))) + 1
+        new = pairs[~np.isin(_number(pairs, count), _number(self.pairs, count))]
+        return Scored(np.concatenate([self.pairs, new]), np.concatenate([self.scores, look.compare(new)]))
 
 
 def choose_pairs(photos: pd.DataFrame, config: MatchingConfig, look: Look) -> Choice:
@@ -64,11 +81,12 @@ def _checked(positions_m: Float[np.ndarray, "n 2"], config: MatchingConfig, look
     count = len(positions_m)
     near, far = neighbour_pairs(positions_m, config.neighbours), drawn_pairs(count, config)
     far = far[~np.isin(_number(far, count), _number(near, count))]
-    doubted = doubtful(near, look.compare(near), far, look.compare(far), count)
+    near_scores = look.compare(near)
+    doubted = doubtful(near, near_scores, far, look.compare(far), count)
     chosen = np.concatenate([near, sequence_pairs(count)])
     if not len(doubted):
         return Choice(_distinct(chosen), "gps", doubted)
-    more = _looked_up(count, doubted, config, look)
+    more = _looked_up(count, doubted, config, look, Scored(near, near_scores))
     return Choice(_distinct(np.concatenate([chosen, more])), "gps and coarse", doubted)
 
 
@@ -99,16 +117,36 @@ def drawn_pairs(count: int, config: MatchingConfig) -> Int[np.ndarray, "m 2"]:
     return _distinct(np.stack([np.repeat(np.arange(count), len(drawn[0])), np.concatenate(drawn)], axis=1))
 
 
-def _looked_up(count: int, wanted: Int[np.ndarray, " w"], config: MatchingConfig, look: Look) -> Int[np.ndarray, "m 2"]:
+def _looked_up(
+    count: int, wanted: Int[np.ndarray, " w"], config: MatchingConfig, look: Look, known: Scored | None = None
+) -> Int[np.ndarray, "m 2"]:
     """Return the pairs of each wanted photograph with those it looks most like among all, and what joins all parts."""
-    if count - 1 <= _SHORTLIST:
-        pairs = np.stack([np.repeat(wanted, count), np.tile(np.arange(count), len(wanted))], axis=1)
+    if count - 1 <= _FEW:
+        pairs = _distinct(np.stack([np.repeat(wanted, count), np.tile(np.arange(count), len(wanted))], axis=1))
+        found = Scored(pairs, look.compare(pairs))
     else:
-        pairs = look.shortlist(wanted, _SHORTLIST)
-    pairs = _distinct(pairs)
-    scores = look.compare(pairs)
-    most = most_alike(pairs, scores, wanted, config.neighbours)
-    return _distinct(np.concatenate([most, joining_pairs(pairs, scores, count), sequence_pairs(count)]))
+        found = _explored(count, wanted, look, known or Scored(np.zeros((0, 2), int), np.zeros(0, int)))
+    most = most_alike(found.pairs, found.scores, wanted, config.neighbours)
+    joining = joining_pairs(found.pairs, found.scores, count)
+    return _distinct(np.concatenate([most, joining, sequence_pairs(count)]))
+
+
+def _explored(count: int, wanted: Int[np.ndarray, " w"], look: Look, known: Scored) -> Scored:
+    """Compare a shortlist, then those that look like the ones that look like a photograph, and these again.
+
+    So photographs that are beside each other are found from a few of them (Dong et al. 2011, "Efficient k-nearest neighbor
+    graph construction"): on a town of 330 photographs a seventh of all pairs were compared, and 97.6 % of those that see 50
+    points together were among the 20 most alike; after comparing all, 96.5 %.
+    """
+    found = known.with_new(np.concatenate([look.shortlist(wanted, _SHORTLIST), sequence_pairs(count)]), look)
+    for _ in range(_HOPS):
+        like = found.scores > 0
+        i, j = most_alike(found.pairs[like], found.scores[like], np.arange(count), _ALIKE_HOPS).T
+        near = coo_array((np.ones(len(i)), (i, j)), shape=(count, count)).tocsr()
+        near = near + near.T
+        reached = np.stack((near @ near).nonzero(), axis=1)
+        found = found.with_new(reached[np.isin(reached, wanted).any(axis=1)], look)
+    return found
 
 
 def most_alike(
