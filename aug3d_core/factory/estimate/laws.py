@@ -1,0 +1,300 @@
+"""How each stage grows with a scene and its settings: one law for each, in figures of the reference machine.
+
+A law counts what a stage works on (photographs, pixels, pairs, planes, views, steps) and multiplies it with what one of them
+took on the reference machine. That is all that is known before a stage has run; the records of a machine correct it.
+
+The figures are of the town with 15 to 120 photographs of 320 and 640 px, preset `tiny`, on two cores of an Intel Xeon server
+(2.0 GHz or so, no GPU), 2026-11-26.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.estimate.size import SceneSize
+from aug3d_core.heads.config import HeadConfig
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
+from aug3d_core.heads.sweep.config import SweepConfig
+
+MEGA = 1e6
+_USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
+_PROBED = 500
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a stage takes on the reference machine: processor seconds on one core and on all that there are, MiB, MiB."""
+
+    one_core_s: float = 0.0
+    all_cores_s: float = 0.0
+    peak_mib: float = 0.0
+    disk_mib: float = 0.0
+
+    def seconds(self, cores: int) -> float:
+        """Return the wall time on so many idle cores."""
+        return self.one_core_s + self.all_cores_s / cores
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stages find to work on. cores: that this process may use."""
+
+    config: SceneConfig
+    size: SceneSize
+    cores: int
+
+    @property
+    def photos(self) -> int:
+        """The photographs."""
+        return max(self.size.photos, 1)
+
+    @property
+    def given_mpx(self) -> float:
+        """The pixels of a photograph as it was given, in millions."""
+        return self.size.photo_px / MEGA
+
+    @cached_property
+    def photo_mpx(self) -> float:
+        """The pixels that a photograph is worked on with, in millions."""
+        return min(self.given_mpx, _mpx(self.config.photos.max_px))
+
+    @cached_property
+    def features(self) -> float:
+        """The features of a photograph: about one on 8 x 8 px, or on 15 x 15; some more than is asked for."""
+        found = (16_000 if self.config.matching.first_octave < 0 else 4_400) * self.photo_mpx
+        return min(found, 1.36 * self.config.matching.max_features)
+
+    @cached_property
+    def all_pairs(self) -> float:
+        """The pairs of photographs that there are."""
+        return self.photos * (self.photos - 1) / 2
+
+    @cached_property
+    def pairs(self) -> float:
+        """The pairs that are compared: neighbours, each pair counted once."""
+        matching = self.config.matching
+        few = matching.pairs == "auto" and self.photos <= matching.exhaustive_limit
+        if few or matching.pairs == "exhaustive":
+            return self.all_pairs
+        return min(0.6 * matching.neighbours * self.photos, self.all_pairs)
+
+    @cached_property
+    def ranked(self) -> float:
+        """The pairs that are compared coarsely: some for each photograph with GPS, all without."""
+        if self.pairs == self.all_pairs or self.config.matching.pairs == "gps":
+            return 0.0
+        if self.config.matching.pairs == "coarse" or not self.size.gps:
+            return self.all_pairs
+        return min(1.2 * self.config.matching.neighbours * self.photos, self.all_pairs)
+
+    @cached_property
+    def depth_mpx(self) -> float:
+        """The pixels of all depth maps, in millions: of every photograph that is not held out."""
+        return 0.92 * self.photos * min(self.photo_mpx, _mpx(self.config.depth.max_px))
+
+    @cached_property
+    def planes(self) -> float:
+        """The planes on which a depth map is searched."""
+        width_px = math.sqrt(min(self.photo_mpx, _mpx(self.config.depth.max_px)) * MEGA * 4 / 3)
+        return 62 * (width_px / 512) * (2 / self.config.depth.plane_step_px)
+
+    @cached_property
+    def k(self) -> int:
+        """The photographs in a group."""
+        return 10 if self.config.grouping.k == "auto" else self.config.grouping.k
+
+    @cached_property
+    def virtual_views(self) -> float:
+        """The views that are rendered: of the domes that are asked for some find no place."""
+        sampling = self.config.sampling
+        return 0.8 * sampling.domes * (sampling.views_per_dome or self.k)
+
+    @cached_property
+    def view_mpx(self) -> float:
+        """The pixels of a packed view, in millions."""
+        return self.config.dataset.width_px * self.config.dataset.height_px / MEGA
+
+    @cached_property
+    def targets(self) -> float:
+        """The photographs that are predicted in a fold's test."""
+        return max(0.085 * self.photos, 2.0)
+
+
+Law = Callable[[Scene], Work]
+
+
+def _town(scene: Scene) -> Work:
+    mpx, town = scene.photos * scene.given_mpx, scene.config.town
+    return Work(one_core_s=4, all_cores_s=1.45 * mpx * town.samples, peak_mib=900, disk_mib=1.2 * mpx + 9)
+
+
+def _photos(scene: Scene) -> Work:
+    given, kept = scene.photos * scene.given_mpx, scene.photos * scene.photo_mpx
+    return Work(
+        one_core_s=0.4, all_cores_s=0.05 * given + 0.13 * kept, peak_mib=95 + 15 * scene.given_mpx, disk_mib=1.9 * kept
+    )
+
+
+def _poses(scene: Scene) -> Work:
+    return Work(one_core_s=0.5 + 0.002 * scene.photos, peak_mib=120, disk_mib=0.01 * scene.photos)
+
+
+def _matching(scene: Scene) -> Work:
+    searched = scene.photo_mpx * (1.0 if scene.config.matching.first_octave < 0 else 0.25)
+    thousand = scene.features / 1000
+    return Work(
+        one_core_s=0.5 + 0.00045 * scene.ranked,
+        all_cores_s=1.8 * scene.photos * searched + 0.0029 * scene.pairs * thousand**2,
+        peak_mib=110 + 290 * searched * scene.cores / 2 + 0.3 * scene.photos,
+        disk_mib=0.16 * scene.photos * thousand,
+    )
+
+
+def _sfm(scene: Scene) -> Work:
+    thousand = scene.features / 1000
+    return Work(
+        one_core_s=0.8 + 0.1 * scene.photos * thousand,
+        peak_mib=110 + 0.75 * scene.photos * thousand,
+        disk_mib=scene.photos * (1.9 * scene.photo_mpx + 0.045 * thousand),
+    )
+
+
+def _small(seconds: float, a_photo: float, peak_mib: float, disk_mib: float) -> Law:
+    """Return the law of a stage that takes seconds: so much, and a little for each photograph."""
+
+    def law(scene: Scene) -> Work:
+        return Work(
+            one_core_s=seconds + a_photo * scene.photos,
+            peak_mib=peak_mib + 0.5 * scene.photos,
+            disk_mib=disk_mib * (0.5 + scene.photos / 120),
+        )
+
+    return law
+
+
+def _depth(scene: Scene) -> Work:
+    sources = scene.config.depth.sources / 6
+    each_mpx = scene.depth_mpx / scene.photos
+    return Work(
+        one_core_s=1.5 * scene.depth_mpx,
+        all_cores_s=0.24 * scene.depth_mpx * scene.planes * sources,
+        peak_mib=110 + 900 * each_mpx * scene.cores + 15 * scene.depth_mpx,
+        disk_mib=20 * scene.depth_mpx,
+    )
+
+
+def _surface(scene: Scene) -> Work:
+    return Work(
+        one_core_s=15 + 7 * scene.depth_mpx,
+        all_cores_s=2 * scene.depth_mpx,
+        peak_mib=350 + 65 * scene.depth_mpx,
+        disk_mib=3 + 2.4 * scene.depth_mpx,
+    )
+
+
+def _sampling(scene: Scene) -> Work:
+    return Work(one_core_s=3 + 0.3 * scene.config.sampling.domes, peak_mib=280 + scene.photos, disk_mib=0.7)
+
+
+def _rendering(scene: Scene) -> Work:
+    sampling, asked = scene.config.sampling, scene.config.rendering.samples
+    view_mpx = sampling.width_px * sampling.height_px / MEGA
+    mpx = scene.virtual_views * view_mpx
+    if not mpx:
+        return Work(one_core_s=0.5, peak_mib=100)
+    probed = _PROBED if asked == "auto" else 0
+    samples = _USUAL_SAMPLES if asked == "auto" else asked
+    return Work(
+        one_core_s=3,
+        all_cores_s=1.0 * (mpx * samples + view_mpx * probed),
+        peak_mib=300 + 140 * min(scene.cores, 4),
+        disk_mib=6.7 * mpx,
+    )
+
+
+def _dataset(scene: Scene) -> Work:
+    views = scene.photos + scene.virtual_views
+    mpx = views * scene.view_mpx
+    return Work(
+        one_core_s=1 + 0.3 * mpx + 0.08 * scene.photos * scene.photo_mpx, peak_mib=280 + 24 * mpx, disk_mib=5.2 * mpx
+    )
+
+
+def _training(scene: Scene) -> Work:
+    training = scene.config.training
+    step = _STEPS_OF_HEADS.get(training.head.name, _unknown_step)(scene, training.head)
+    return Work(
+        one_core_s=3,
+        all_cores_s=step.all_cores_s * training.groups_per_step * training.steps,
+        peak_mib=380 + step.peak_mib * training.groups_per_step,
+        disk_mib=1,
+    )
+
+
+def _sweep_step(scene: Scene, head: HeadConfig) -> Work:
+    """Return what a group of a step takes."""
+    assert isinstance(head, SweepConfig)
+    pixels = min(0.75 * head.crop_px**2 / MEGA, scene.view_mpx)
+    volume = (
+        pixels * (head.planes + head.fine_planes) * (head.features / 16) * (scene.config.training.input_views + 1) / 6
+    )
+    return Work(all_cores_s=0.8 * volume, peak_mib=500 * volume)
+
+
+def _pixelnerf_step(scene: Scene, head: HeadConfig) -> Work:
+    assert isinstance(head, PixelNerfConfig)
+    samples = head.coarse_samples + head.fine_samples + head.depth_samples
+    queries = head.rays_per_group * samples * scene.config.training.input_views
+    return Work(all_cores_s=queries / 127_000 * (head.hidden / 64) ** 1.8, peak_mib=queries / 200 * head.hidden / 64)
+
+
+def _unknown_step(scene: Scene, _: HeadConfig) -> Work:
+    """Return what a group takes with a head that nobody measured: as much as the usual one."""
+    return _sweep_step(scene, SweepConfig())
+
+
+_STEPS_OF_HEADS: Mapping[str, Callable[[Scene, HeadConfig], Work]] = {
+    "sweep": _sweep_step,
+    "pixelnerf": _pixelnerf_step,
+}
+
+
+def _evaluation(scene: Scene) -> Work:
+    evaluation = scene.config.evaluation
+    views = 2 * scene.targets + evaluation.flythrough_frames
+    return Work(
+        one_core_s=4 + 0.3 * scene.targets,
+        all_cores_s=10 * views * scene.view_mpx * evaluation.input_views / 3 * 1.6,
+        peak_mib=450 + 4500 * scene.view_mpx,
+        disk_mib=1.5 + 200 * scene.view_mpx,
+    )
+
+
+LAWS: Mapping[str, Law] = {
+    "town": _town,
+    "photos": _photos,
+    "poses": _poses,
+    "matching": _matching,
+    "sfm": _sfm,
+    "truth": _small(0.25, 0.003, 115, 0.02),
+    "similarity": _small(0.2, 0.005, 75, 0.04),
+    "grouping": _small(0.2, 0.016, 85, 0.09),
+    "overlap": _small(1.3, 0.055, 310, 1.7),
+    "depth": _depth,
+    "surface": _surface,
+    "mesh_truth": _small(1.7, 0.09, 330, 1.3),
+    "sampling": _sampling,
+    "rendering": _rendering,
+    "dataset": _dataset,
+    "training": _training,
+    "evaluation": _evaluation,
+}
+
+
+def _mpx(longest_px: int) -> float:
+    """Return the pixels of a photograph of 4 x 3 with that longest side, in millions."""
+    return 0.75 * longest_px**2 / MEGA
