@@ -5,16 +5,16 @@ What it has made is the better source: the same stages, on the same disks, besid
 
 from __future__ import annotations
 
-import os
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from statistics import median
 
 from aug3d_core.factory.config import SceneConfig, scene_config
-from aug3d_core.factory.estimate.laws import LAWS, Scene
+from aug3d_core.factory.estimate.laws import LAWS, Figures, law_of, scene_here
 from aug3d_core.factory.estimate.size import SceneSize, size_of_record
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store import layout
@@ -24,6 +24,8 @@ from aug3d_core.store.store import Store
 
 _VERSIONS = 8  # the newest ones of a home that are looked at
 _NEWEST = 3  # records of a stage that count
+_ALIKE = 4.0  # times more or less work that is as good as the same
+_TOO_FAR = 3  # times so much further tells nothing
 _ENOUGH = 3  # stages that tell how fast a machine is with the others
 _GREW = ("photos_reused", "grown_from")  # metrics of a record that extended an earlier one, which costs less
 _REPEATS = 9
@@ -32,29 +34,32 @@ _MIB = 2**20
 
 
 @dataclass(frozen=True)
-class Ratio:
-    """What a stage takes here over what its law says."""
+class Told:
+    """What a record tells of a machine: what it took over what the law says, and what the law says of it."""
 
-    seconds: float = 1.0
-    peak_mib: float = 1.0
-    disk_mib: float = 1.0
+    ratio: Figures
+    law: Figures
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is known of this machine. of_stages: by what it has made. others: of every other stage. told: one line on it.
+    """What is known of this machine.
 
-    photos: of the scene that it was taken from, 0 if it was taken from none.
+    of_stages: by what it has made, newest first. slowness: what any other stage takes here over what its law says. told: where
+    that is from.
     """
 
-    of_stages: Mapping[str, Ratio] = field(default_factory=dict)
-    others: Ratio = Ratio()
-    photos: float = 0.0
+    of_stages: Mapping[str, Sequence[Told]] = field(default_factory=dict)
+    slowness: float = 1.0
     told: str = "for the machine that the laws were measured on"
 
-    def of(self, stage: str) -> Ratio:
-        """Return the ratio of a stage."""
-        return self.of_stages.get(stage, self.others)
+    def of(self, stage: str, law: Figures) -> Told | None:
+        """Return what the newest records of a stage tell of work of this size, by those of the likest; None: nothing."""
+        apart: dict[int, list[Told]] = {}
+        for told in self.of_stages.get(stage, ()):
+            apart.setdefault(int(abs(math.log(law.seconds / told.law.seconds, _ALIKE))), []).append(told)
+        nearest = min(apart, default=_TOO_FAR)
+        return _median(apart[nearest][:_NEWEST]) if nearest < _TOO_FAR else None
 
 
 REFERENCE = Calibration()  # for the machine that the laws were measured on
@@ -79,29 +84,26 @@ def calibration_of(store: Store, *, timed: bool = True) -> Calibration:
 
 def calibration_by(samples: Sequence[Sample], *, timed: bool = True) -> Calibration:
     """Return what samples, newest first, tell of the machine that made them."""
-    cores = available_cores()
-    by_stage: dict[str, list[Ratio]] = {}
+    by_stage: dict[str, list[Told]] = {}
     for sample in samples:
         if not any(sample.record.metrics.get(name) for name in _GREW):
-            by_stage.setdefault(sample.record.stage, []).append(ratio_of(sample, cores))
-    ratios = {stage: _median(found[:_NEWEST]) for stage, found in by_stage.items()}
-    photos = median(sample.size.photos for sample in samples) if samples else 0.0
-    if len(ratios) >= _ENOUGH:
-        told = f"from {sum(len(found[:_NEWEST]) for found in by_stage.values())} stages that this machine made"
-        return Calibration(ratios, Ratio(seconds=median(ratio.seconds for ratio in ratios.values())), photos, told)
+            by_stage.setdefault(sample.record.stage, []).append(told_by(sample))
+    if len(by_stage) >= _ENOUGH:
+        told = f"from {sum(map(len, by_stage.values()))} stages that this machine made"
+        slowness = median(median(one.ratio.seconds for one in found) for found in by_stage.values())
+        return Calibration(by_stage, slowness, told)
     if not timed:
-        return Calibration(ratios, photos=photos)
+        return Calibration(by_stage)
     seconds = fixed_work_s()
     told = f"from {_REPEATS * seconds:.1f} s of calibration: this machine has made too little yet"
-    return Calibration(ratios, Ratio(seconds=seconds / _REFERENCE_S), photos, told)
+    return Calibration(by_stage, seconds / _REFERENCE_S, told)
 
 
-def ratio_of(sample: Sample, cores: int) -> Ratio:
-    """Return what a sample took over what the law of its stage says."""
-    record, work = sample.record, LAWS[sample.record.stage](Scene(sample.config, sample.size, cores))
-    return Ratio(
-        record.seconds / work.seconds(cores), record.peak_mib / work.peak_mib, record.size_bytes / _MIB / work.disk_mib
-    )
+def told_by(sample: Sample) -> Told:
+    """Return what a sample tells of the machine that made it."""
+    record, law = sample.record, law_of(sample.record.stage, scene_here(sample.config, sample.size))
+    disk_mib = record.size_bytes / _MIB
+    return Told(Figures(record.seconds / law.seconds, record.peak_mib / law.peak_mib, disk_mib / law.disk_mib), law)
 
 
 def samples_of(store: Store) -> Iterator[Sample]:
@@ -127,11 +129,6 @@ def samples_of_records(records: Mapping[str, Record]) -> Iterator[Sample]:
             yield Sample(record, config, size)
 
 
-def available_cores() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0))
-
-
 def _samples_of_version(store: Store, version: Path) -> list[Sample]:
     try:
         return list(samples_of_records(records_of(store, version_metrics(version))))
@@ -139,8 +136,12 @@ def _samples_of_version(store: Store, version: Path) -> list[Sample]:
         return []  # damaged, or made by a version of aug3d whose settings were others: it tells nothing
 
 
-def _median(ratios: list[Ratio]) -> Ratio:
-    return Ratio(*(median(getattr(ratio, name) for ratio in ratios) for name in ("seconds", "peak_mib", "disk_mib")))
+def _median(told: Sequence[Told]) -> Told:
+    return Told(*(_median_of([getattr(one, which) for one in told]) for which in ("ratio", "law")))
+
+
+def _median_of(figures: Sequence[Figures]) -> Figures:
+    return Figures(*(median(getattr(one, name.name) for one in figures) for name in fields(Figures)))
 
 
 @cache

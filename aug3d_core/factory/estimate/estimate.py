@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
-from aug3d_core.factory.config import SceneConfig
-from aug3d_core.factory.estimate.calibration import REFERENCE, Calibration, available_cores, calibration_of
+from aug3d_core.factory.config import SceneConfig, scene_config
+from aug3d_core.factory.estimate.calibration import REFERENCE, Calibration, Told, calibration_of
 from aug3d_core.factory.estimate.cost import Cost, Range, about, together
-from aug3d_core.factory.estimate.laws import LAWS, Scene
+from aug3d_core.factory.estimate.laws import LAWS, Figures, Scene, law_of, scene_here
 from aug3d_core.factory.estimate.likely import likely_settings
 from aug3d_core.factory.estimate.size import SceneSize, size_of
 from aug3d_core.factory.material import Material
@@ -21,8 +22,8 @@ from aug3d_core.store.store import Store
 _KNOWN, _NEW = 1.3, 1.7  # time: of a stage that this machine has made, and of another
 _STEADY, _STEADY_NEW = 1.15, 1.4  # memory and disk, which depend less on the machine and on what else runs
 _OPEN = 1.4  # further, where settings are decided from the scene later: one of a stage changes the work of the next
-_AWAY = 0.12  # power of how many times larger or smaller the scene is than those that tell of it
-_FITTED_PHOTOS = 60  # of the scenes that the laws were fitted on
+_AWAY = 0.12  # power of how many times more or less work it is than what tells of it
+_FITTED = SceneSize(60, 640 * 480)  # the town of the demo, on which most laws were fitted
 _FEW_TARGETS = 8  # photographs; a scene with fewer in its test's share is made in two folds
 
 
@@ -47,7 +48,7 @@ def estimate_of(
 
     cores: that it may use, None for those of this process.
     """
-    scene = Scene(config, size, cores or available_cores())
+    scene = scene_here(config, size, cores)
     return {stage: _cost(stage, scene, calibration) for stage in LAWS}
 
 
@@ -86,12 +87,23 @@ def in_folds(missing: Sequence[Step], config: SceneConfig, size: SceneSize) -> S
 
 
 def _cost(stage: str, scene: Scene, calibration: Calibration) -> Cost:
-    work, ratio, known = LAWS[stage](scene), calibration.of(stage), stage in calibration.of_stages
-    away = scene.photos / (calibration.photos or _FITTED_PHOTOS)
-    more = max(away, 1 / max(away, 1e-9)) ** _AWAY * (_OPEN if scene.config.auto else 1.0)
-    steady = (_STEADY if known else _STEADY_NEW) * more
-    return Cost(
-        about(work.seconds(scene.cores) * ratio.seconds, (_KNOWN if known else _NEW) * more),
-        about(work.peak_mib * ratio.peak_mib, steady),
-        about(work.disk_mib * ratio.disk_mib, steady),
-    )
+    law = law_of(stage, scene)
+    known = calibration.of(stage, law)
+    told = known or Told(Figures(calibration.slowness, 1.0, 1.0), law_of(stage, _fitted_on(scene)))
+    open_too = _OPEN if scene.config.auto else 1.0
+
+    def ranged(figure: str, factor: float) -> Range:
+        says, ratio, of = (getattr(one, figure) for one in (law, told.ratio, told.law))
+        return about(says * ratio, factor * open_too * max(says / of, of / says) ** _AWAY)
+
+    time, steady = (_KNOWN, _STEADY) if known else (_NEW, _STEADY_NEW)
+    return Cost(ranged("seconds", time), ranged("peak_mib", steady), ranged("disk_mib", steady))
+
+
+def _fitted_on(scene: Scene) -> Scene:
+    return replace(scene, config=_usual(), size=_FITTED)
+
+
+@cache
+def _usual() -> SceneConfig:
+    return scene_config("tiny")

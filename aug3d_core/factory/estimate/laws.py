@@ -10,6 +10,7 @@ The figures are of the town with 15 to 120 photographs of 320 and 640 px, preset
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,10 +20,22 @@ from aug3d_core.factory.estimate.size import SceneSize
 from aug3d_core.heads.config import HeadConfig
 from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
 from aug3d_core.heads.sweep.config import SweepConfig
+from aug3d_core.run.memory import total_bytes
 
 MEGA = 1e6
+_TEXTURED_MPX = 25.0  # of depth maps, of which a texture is as large as it may be
+_CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
 _USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
-_PROBED = 500
+_PROBED = 430
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Wall time [s], memory at the peak [MiB] and what is left on the disk [MiB]; or ratios of them."""
+
+    seconds: float
+    peak_mib: float
+    disk_mib: float
 
 
 @dataclass(frozen=True)
@@ -34,18 +47,19 @@ class Work:
     peak_mib: float = 0.0
     disk_mib: float = 0.0
 
-    def seconds(self, cores: int) -> float:
-        """Return the wall time on so many idle cores."""
-        return self.one_core_s + self.all_cores_s / cores
+    def on(self, cores: int) -> Figures:
+        """Return what it takes on so many idle cores."""
+        return Figures(self.one_core_s + self.all_cores_s / cores, self.peak_mib, self.disk_mib)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What stages find to work on. cores: that this process may use."""
+    """What stages find to work on, and with. cores: that this process may use. memory_mib: of the machine."""
 
     config: SceneConfig
     size: SceneSize
     cores: int
+    memory_mib: float
 
     @property
     def photos(self) -> int:
@@ -65,7 +79,7 @@ class Scene:
     @cached_property
     def features(self) -> float:
         """The features of a photograph: about one on 8 x 8 px, or on 15 x 15; some more than is asked for."""
-        found = (16_000 if self.config.matching.first_octave < 0 else 4_400) * self.photo_mpx
+        found = (17_000 if self.config.matching.first_octave < 0 else 4_400) * self.photo_mpx
         return min(found, 1.36 * self.config.matching.max_features)
 
     @cached_property
@@ -92,14 +106,19 @@ class Scene:
         return min(1.2 * self.config.matching.neighbours * self.photos, self.all_pairs)
 
     @cached_property
+    def mapped(self) -> float:
+        """The photographs that have depth maps: all that are not held out."""
+        return 0.91 * self.photos
+
+    @cached_property
     def depth_mpx(self) -> float:
-        """The pixels of all depth maps, in millions: of every photograph that is not held out."""
-        return 0.92 * self.photos * min(self.photo_mpx, _mpx(self.config.depth.max_px))
+        """The pixels of a depth map, in millions."""
+        return min(self.photo_mpx, _mpx(self.config.depth.max_px))
 
     @cached_property
     def planes(self) -> float:
-        """The planes on which a depth map is searched."""
-        width_px = math.sqrt(min(self.photo_mpx, _mpx(self.config.depth.max_px)) * MEGA * 4 / 3)
+        """The planes on which a depth map is searched: the wider it is, the more."""
+        width_px = math.sqrt(self.depth_mpx * MEGA * 4 / 3)
         return 62 * (width_px / 512) * (2 / self.config.depth.plane_step_px)
 
     @cached_property
@@ -109,9 +128,9 @@ class Scene:
 
     @cached_property
     def virtual_views(self) -> float:
-        """The views that are rendered: of the domes that are asked for some find no place."""
+        """The views that are rendered: of the domes that are asked for some find no place, most over little ground."""
         sampling = self.config.sampling
-        return 0.8 * sampling.domes * (sampling.views_per_dome or self.k)
+        return min(0.78 * sampling.domes * (sampling.views_per_dome or self.k), 3.1 * self.photos)
 
     @cached_property
     def view_mpx(self) -> float:
@@ -128,14 +147,22 @@ Law = Callable[[Scene], Work]
 
 
 def _town(scene: Scene) -> Work:
-    mpx, town = scene.photos * scene.given_mpx, scene.config.town
-    return Work(one_core_s=4, all_cores_s=1.45 * mpx * town.samples, peak_mib=900, disk_mib=1.2 * mpx + 9)
+    pixels = scene.photos * scene.given_mpx
+    return Work(
+        one_core_s=4,
+        all_cores_s=0.36 * scene.photos + 1.24 * pixels * scene.config.town.samples,
+        peak_mib=870,
+        disk_mib=12.5 + 0.5 * pixels,
+    )
 
 
 def _photos(scene: Scene) -> Work:
     given, kept = scene.photos * scene.given_mpx, scene.photos * scene.photo_mpx
     return Work(
-        one_core_s=0.4, all_cores_s=0.05 * given + 0.13 * kept, peak_mib=95 + 15 * scene.given_mpx, disk_mib=1.9 * kept
+        one_core_s=0.25,
+        all_cores_s=0.05 * given + 0.13 * kept,
+        peak_mib=90 + 40 * scene.cores * scene.given_mpx,
+        disk_mib=1.95 * kept,
     )
 
 
@@ -145,21 +172,21 @@ def _poses(scene: Scene) -> Work:
 
 def _matching(scene: Scene) -> Work:
     searched = scene.photo_mpx * (1.0 if scene.config.matching.first_octave < 0 else 0.25)
-    thousand = scene.features / 1000
+    thousands = scene.features / 1000
     return Work(
         one_core_s=0.5 + 0.00045 * scene.ranked,
-        all_cores_s=1.8 * scene.photos * searched + 0.0029 * scene.pairs * thousand**2,
-        peak_mib=110 + 290 * searched * scene.cores / 2 + 0.3 * scene.photos,
-        disk_mib=0.16 * scene.photos * thousand,
+        all_cores_s=2.4 * scene.photos * searched**1.25 + scene.pairs * (0.007 + 0.0027 * thousands**2),
+        peak_mib=110 + 400 * scene.cores * searched + 0.33 * scene.photos * thousands,
+        disk_mib=0.16 * scene.photos * thousands,
     )
 
 
 def _sfm(scene: Scene) -> Work:
-    thousand = scene.features / 1000
+    thousands = scene.photos * scene.features / 1000
     return Work(
-        one_core_s=0.8 + 0.1 * scene.photos * thousand,
-        peak_mib=110 + 0.75 * scene.photos * thousand,
-        disk_mib=scene.photos * (1.9 * scene.photo_mpx + 0.045 * thousand),
+        one_core_s=1.2 + 0.0168 * thousands**1.3,
+        peak_mib=150 + 0.64 * thousands,
+        disk_mib=1.95 * scene.photos * scene.photo_mpx + 0.045 * thousands,
     )
 
 
@@ -177,22 +204,26 @@ def _small(seconds: float, a_photo: float, peak_mib: float, disk_mib: float) -> 
 
 
 def _depth(scene: Scene) -> Work:
-    sources = scene.config.depth.sources / 6
-    each_mpx = scene.depth_mpx / scene.photos
+    each = 0.2 + 0.23 * scene.depth_mpx * scene.planes * scene.config.depth.sources / 6
+    pixels = scene.mapped * scene.depth_mpx
     return Work(
-        one_core_s=1.5 * scene.depth_mpx,
-        all_cores_s=0.24 * scene.depth_mpx * scene.planes * sources,
-        peak_mib=110 + 900 * each_mpx * scene.cores + 15 * scene.depth_mpx,
-        disk_mib=20 * scene.depth_mpx,
+        one_core_s=1.0 * pixels,
+        all_cores_s=scene.mapped * each,
+        peak_mib=165 + min(38 * pixels, _CACHE_SHARE * scene.memory_mib) + 7 * pixels,
+        disk_mib=20 * pixels,
     )
 
 
 def _surface(scene: Scene) -> Work:
+    pixels = scene.mapped * scene.depth_mpx
+    textured = (
+        min(pixels, _TEXTURED_MPX * scene.config.surface.texel_budget / 2**24) / scene.config.surface.texel_gsd**2
+    )
     return Work(
-        one_core_s=15 + 7 * scene.depth_mpx,
-        all_cores_s=2 * scene.depth_mpx,
-        peak_mib=350 + 65 * scene.depth_mpx,
-        disk_mib=3 + 2.4 * scene.depth_mpx,
+        one_core_s=9 + 4.2 * pixels + 2.0 * textured,
+        all_cores_s=2.3 * pixels + 2.0 * textured,
+        peak_mib=440 + 40 * pixels + 17 * textured,
+        disk_mib=3 + 0.4 * pixels + 2.0 * textured,
     )
 
 
@@ -205,7 +236,7 @@ def _rendering(scene: Scene) -> Work:
     view_mpx = sampling.width_px * sampling.height_px / MEGA
     mpx = scene.virtual_views * view_mpx
     if not mpx:
-        return Work(one_core_s=0.5, peak_mib=100)
+        return Work(one_core_s=0.5, peak_mib=100, disk_mib=0.1)
     probed = _PROBED if asked == "auto" else 0
     samples = _USUAL_SAMPLES if asked == "auto" else asked
     return Work(
@@ -220,46 +251,46 @@ def _dataset(scene: Scene) -> Work:
     views = scene.photos + scene.virtual_views
     mpx = views * scene.view_mpx
     return Work(
-        one_core_s=1 + 0.3 * mpx + 0.08 * scene.photos * scene.photo_mpx, peak_mib=280 + 24 * mpx, disk_mib=5.2 * mpx
+        one_core_s=0.4 + 0.55 * mpx + 0.06 * scene.photos * scene.photo_mpx, peak_mib=218 + 32 * mpx, disk_mib=5.2 * mpx
     )
 
 
 def _training(scene: Scene) -> Work:
     training = scene.config.training
-    step = _STEPS_OF_HEADS.get(training.head.name, _unknown_step)(scene, training.head)
+    group = _GROUPS_OF_HEADS.get(training.head.name, _unknown_group)(scene, training.head)
+    groups = training.groups_per_step * training.steps
     return Work(
-        one_core_s=3,
-        all_cores_s=step.all_cores_s * training.groups_per_step * training.steps,
-        peak_mib=380 + step.peak_mib * training.groups_per_step,
+        one_core_s=15 + group.one_core_s * groups,
+        all_cores_s=group.all_cores_s * groups,
+        peak_mib=550 + group.peak_mib * training.groups_per_step,
         disk_mib=1,
     )
 
 
-def _sweep_step(scene: Scene, head: HeadConfig) -> Work:
-    """Return what a group of a step takes."""
+def _sweep_group(scene: Scene, head: HeadConfig) -> Work:
+    """Return what training takes for a group of photographs, once."""
     assert isinstance(head, SweepConfig)
-    pixels = min(0.75 * head.crop_px**2 / MEGA, scene.view_mpx)
-    volume = (
-        pixels * (head.planes + head.fine_planes) * (head.features / 16) * (scene.config.training.input_views + 1) / 6
-    )
-    return Work(all_cores_s=0.8 * volume, peak_mib=500 * volume)
+    crop_mpx = min(0.75 * head.crop_px**2 / MEGA, scene.view_mpx)
+    inputs = (scene.config.training.input_views + 1) / 6
+    volume = crop_mpx * (head.planes + head.fine_planes) * head.features / 16 * inputs
+    return Work(one_core_s=0.38 * volume, all_cores_s=0.38 * volume, peak_mib=450 * volume)
 
 
-def _pixelnerf_step(scene: Scene, head: HeadConfig) -> Work:
+def _pixelnerf_group(scene: Scene, head: HeadConfig) -> Work:
     assert isinstance(head, PixelNerfConfig)
     samples = head.coarse_samples + head.fine_samples + head.depth_samples
     queries = head.rays_per_group * samples * scene.config.training.input_views
     return Work(all_cores_s=queries / 127_000 * (head.hidden / 64) ** 1.8, peak_mib=queries / 200 * head.hidden / 64)
 
 
-def _unknown_step(scene: Scene, _: HeadConfig) -> Work:
+def _unknown_group(scene: Scene, _: HeadConfig) -> Work:
     """Return what a group takes with a head that nobody measured: as much as the usual one."""
-    return _sweep_step(scene, SweepConfig())
+    return _sweep_group(scene, SweepConfig())
 
 
-_STEPS_OF_HEADS: Mapping[str, Callable[[Scene, HeadConfig], Work]] = {
-    "sweep": _sweep_step,
-    "pixelnerf": _pixelnerf_step,
+_GROUPS_OF_HEADS: Mapping[str, Callable[[Scene, HeadConfig], Work]] = {
+    "sweep": _sweep_group,
+    "pixelnerf": _pixelnerf_group,
 }
 
 
@@ -293,6 +324,16 @@ LAWS: Mapping[str, Law] = {
     "training": _training,
     "evaluation": _evaluation,
 }
+
+
+def scene_here(config: SceneConfig, size: SceneSize, cores: int | None = None) -> Scene:
+    """Return what stages find on this machine. cores: that they may use, None for those of this process."""
+    return Scene(config, size, cores or len(os.sched_getaffinity(0)), total_bytes() / 2**20)
+
+
+def law_of(stage: str, scene: Scene) -> Figures:
+    """Return what a stage takes on the reference machine, with as many cores."""
+    return LAWS[stage](scene).on(scene.cores)
 
 
 def _mpx(longest_px: int) -> float:
