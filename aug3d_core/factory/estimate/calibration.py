@@ -131,7 +131,15 @@ def samples_of_records(records: Mapping[str, Record]) -> Iterator[Sample]:
 
 def _samples_of_version(store: Store, version: Path) -> list[Sample]:
     try:
-        return list(samples_of_records(records_of(store, version_metrics(version))))
+        metrics = version_metrics(version)
+        if store.shared is not None and Path(metrics["paths"]["metrics"]).parent != version:
+            return []  # of another machine
+        samples = samples_of_records(records_of(store, metrics))
+        if store.shared is None:
+            return list(samples)
+        made = {step for step, figures in metrics["stages"].items() if not figures["cached"]}
+        keys = {metrics["objects"][step]["key"] for step in made}
+        return [sample for sample in samples if sample.record.key in keys]  # of the others nobody knows who made them
     except (Aug3dError, ValueError, KeyError, OSError):
         return []  # damaged, or made by a version of aug3d whose settings were others: it tells nothing
 

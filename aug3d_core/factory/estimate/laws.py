@@ -147,12 +147,12 @@ Law = Callable[[Scene], Work]
 
 
 def _town(scene: Scene) -> Work:
-    pixels = scene.photos * scene.given_mpx
+    pixels, area_m2 = scene.photos * scene.given_mpx, scene.config.town.length_m * scene.config.town.width_m
     return Work(
         one_core_s=4,
         all_cores_s=0.36 * scene.photos + 1.24 * pixels * scene.config.town.samples,
-        peak_mib=870,
-        disk_mib=12.5 + 0.5 * pixels,
+        peak_mib=620 + 0.0071 * area_m2 + 250 * scene.given_mpx,
+        disk_mib=9 + 0.00011 * area_m2 + 0.5 * pixels,
     )
 
 
@@ -160,7 +160,7 @@ def _photos(scene: Scene) -> Work:
     given, kept = scene.photos * scene.given_mpx, scene.photos * scene.photo_mpx
     return Work(
         one_core_s=0.25,
-        all_cores_s=0.05 * given + 0.13 * kept,
+        all_cores_s=0.006 * scene.photos + 0.05 * given + 0.11 * kept,
         peak_mib=90 + 40 * scene.cores * scene.given_mpx,
         disk_mib=1.95 * kept,
     )

@@ -31,6 +31,7 @@ from aug3d_core.factory.stages import FROM_TOWN, STAGES
 from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.heads.config import names
 from aug3d_core.store.record import FileEntry, Record
+from aug3d_core.store.seal import sealed
 from aug3d_core.store.store import Store
 
 TINY = scene_config("tiny")
@@ -335,3 +336,41 @@ def test_records_of_the_likest_size_count() -> None:
     known = calibration_by([*newer, *samples_of_records(made_in(9.0, small))])
     assert likely(small, TOWN, "depth", known).seconds.likely == pytest.approx(9)
     assert likely(large, TOWN, "depth", known).seconds.likely == pytest.approx(400)
+
+
+def write_version(store: Store, records: Mapping[str, Record], path: Path, cached: tuple[str, ...] = ()) -> None:
+    """Write a version that is made of such objects, and says that it lies at a path."""
+    version = store.root / "scenes" / "hill" / "2026-01-01"
+    version.mkdir(parents=True)
+    objects = {}
+    for step, one in records.items():
+        work = store.work_dir(one.stage, one.key)
+        work.mkdir(parents=True)
+        (work / "job.json").write_text("{}")
+        (work / "log.txt").touch()
+        (work / "files").mkdir(exist_ok=True)
+        given = one.model_dump(exclude={"stage", "key", "digest", "files"})
+        objects[step] = {"stage": one.stage, "key": store.commit(work, one.stage, one.key, given).key}
+    metrics = {
+        "scene": "hill", "paths": {"metrics": str(path)}, "objects": objects,
+        "stages": {step: {"cached": step in cached} for step in records},
+    }  # fmt: skip
+    (version / "metrics.json").write_bytes(sealed(metrics))
+
+
+def test_a_home_tells_by_its_versions(tmp_path: Path) -> None:
+    store = Store(tmp_path / "home")
+    write_version(store, made_in(77.0), store.root / "scenes" / "hill" / "2026-01-01" / "metrics.json")
+    known = calibration_of(store)
+    assert likely(TINY, TOWN, "surface", known).seconds.likely == pytest.approx(77)
+    found = estimate_plan(store, Material(), TINY, visits({}))
+    assert found.told == known.told == "from 16 stages that this machine made"
+
+
+def test_what_other_machines_made_tells_nothing_of_this_one(tmp_path: Path, shared: str) -> None:
+    own, others = Store(tmp_path / "own"), Store(tmp_path / "others")
+    records = made_in(77.0)
+    write_version(own, records, own.root / "scenes" / "hill" / "2026-01-01" / "metrics.json", cached=("town", "photos"))
+    assert set(calibration_of(own, timed=False).of_stages) == set(records) - {"town", "photos"}
+    write_version(others, records, Path("/elsewhere/metrics.json"))
+    assert calibration_of(others, timed=False).of_stages == {}
