@@ -56,6 +56,8 @@ def estimate_plan(store: Store, material: Material, config: SceneConfig, plan: S
     """Return what a run will take; raises InputError if there are no photographs to be counted."""
     made = {visit.step.name: visit.record for visit in plan if visit.record}
     missing = [visit.step for visit in plan if visit.record is None]
+    if not missing:
+        return PlanEstimate({visit.step.name: None for visit in plan}, total_of(()), 1, "", ())
     size = size_of(material, config, made)
     chosen = likely_settings(config, size, plan, store, material)
     calibration = calibration_of(store)

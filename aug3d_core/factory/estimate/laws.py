@@ -94,7 +94,7 @@ class Scene:
         few = matching.pairs == "auto" and self.photos <= matching.exhaustive_limit
         if few or matching.pairs == "exhaustive":
             return self.all_pairs
-        return min(0.6 * matching.neighbours * self.photos, self.all_pairs)
+        return min(0.7 * matching.neighbours * self.photos, self.all_pairs)
 
     @cached_property
     def ranked(self) -> float:
@@ -103,7 +103,7 @@ class Scene:
             return 0.0
         if self.config.matching.pairs == "coarse" or not self.size.gps:
             return self.all_pairs
-        return min(1.2 * self.config.matching.neighbours * self.photos, self.all_pairs)
+        return min(1.7 * self.config.matching.neighbours * self.photos, self.all_pairs)
 
     @cached_property
     def mapped(self) -> float:
@@ -151,8 +151,8 @@ def _town(scene: Scene) -> Work:
     return Work(
         one_core_s=4,
         all_cores_s=0.36 * scene.photos + 1.24 * pixels * scene.config.town.samples,
-        peak_mib=620 + 0.0071 * area_m2 + 250 * scene.given_mpx,
-        disk_mib=9 + 0.00011 * area_m2 + 0.5 * pixels,
+        peak_mib=430 + 0.0145 * area_m2 + 250 * scene.given_mpx,
+        disk_mib=4 + 0.0003 * area_m2 + 0.5 * pixels,
     )
 
 
@@ -175,18 +175,18 @@ def _matching(scene: Scene) -> Work:
     thousands = scene.features / 1000
     return Work(
         one_core_s=0.5 + 0.00045 * scene.ranked,
-        all_cores_s=2.4 * scene.photos * searched**1.25 + scene.pairs * (0.007 + 0.0027 * thousands**2),
-        peak_mib=110 + 400 * scene.cores * searched + 0.33 * scene.photos * thousands,
+        all_cores_s=2.35 * scene.photos * searched**1.17 + scene.pairs * (0.0134 + 0.0025 * thousands**2),
+        peak_mib=120 + 400 * scene.cores * searched + 0.33 * scene.photos * thousands,
         disk_mib=0.16 * scene.photos * thousands,
     )
 
 
 def _sfm(scene: Scene) -> Work:
-    thousands = scene.photos * scene.features / 1000
+    thousands = scene.features / 1000
     return Work(
-        one_core_s=1.2 + 0.0168 * thousands**1.3,
-        peak_mib=150 + 0.64 * thousands,
-        disk_mib=1.95 * scene.photos * scene.photo_mpx + 0.045 * thousands,
+        one_core_s=0.8 + 0.034 * scene.photos**1.3 * thousands**0.92,
+        peak_mib=150 + 0.72 * scene.photos * thousands,
+        disk_mib=scene.photos * (1.95 * scene.photo_mpx + 0.045 * thousands),
     )
 
 
@@ -204,7 +204,7 @@ def _small(seconds: float, a_photo: float, peak_mib: float, disk_mib: float) -> 
 
 
 def _depth(scene: Scene) -> Work:
-    each = 0.2 + 0.23 * scene.depth_mpx * scene.planes * scene.config.depth.sources / 6
+    each = 0.4 + 0.218 * scene.depth_mpx * scene.planes * scene.config.depth.sources / 6
     pixels = scene.mapped * scene.depth_mpx
     return Work(
         one_core_s=1.0 * pixels,

@@ -13,7 +13,7 @@ from aug3d_core.photos.discover import find_photos
 from aug3d_core.store.record import Record
 
 _LOOKED_AT = 12  # photographs whose headers are read
-_USUAL_PX = 12_000_000  # where none of them can be read
+_USUAL_PX = 12_000_000.0  # where nothing tells
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def size_of_record(photos: Record) -> SceneSize:
     count, megapixels, with_gps = (
         float(photos.metrics.get(name) or 0) for name in ("photos", "megapixels_median", "with_gps")
     )
-    return SceneSize(int(count), megapixels * 1e6, with_gps >= 2)
+    return SceneSize(int(count), megapixels * 1e6 or _USUAL_PX, with_gps >= 2)
 
 
 def _size_of_folder(folder: Path) -> SceneSize:
