@@ -15,7 +15,6 @@ from rich.markup import escape
 from aug3d_core.doctor import examine
 from aug3d_core.factory.config import SIZES, SceneConfig, scene_config
 from aug3d_core.factory.material import Material
-from aug3d_core.factory.walk import planned
 from aug3d_core.poses.recognise import COLMAP, DTU, NERFSTUDIO
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.limits import limits_from
@@ -31,6 +30,7 @@ from flows.gc import gc
 from flows.hand_on import export_groups
 from flows.join import worker
 from flows.plan import checked_plan, following, nothing_to_do
+from flows.plan_table import print_plan
 from flows.predict import predict
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
@@ -64,7 +64,7 @@ Set = Annotated[
     typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed and what is cached, and stop.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed, and what it takes, and stop.")]
 DEFAULT_HOME = Path("aug3d_data")
 
 
@@ -180,7 +180,7 @@ def _run(
     config = scene_config(preset, overrides)
     store = Store(home)
     if dry_run:
-        _print_plan(store, material, config, as_json)
+        print_plan(store, scene, material, config, as_json)
         return
     store.check_writable()  # what would stop it later is told before anything is started
     limits_from(os.environ)
@@ -229,17 +229,6 @@ def _run_flow(
     photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
     with Display(console, stages) as display, listening(display), tags(OURS), silent:
         return factory(scene, photos, preset, config, str(store.root), poses)
-
-
-def _print_plan(store: Store, material: Material, config: SceneConfig, as_json: bool) -> None:
-    plan = [(visit.step.name, visit.record is not None) for visit in planned(store, material, config)]
-    if as_json:
-        print(json.dumps([{"stage": name, "cached": cached} for name, cached in plan], indent=1))
-        return
-    for name, cached in plan:
-        print(f"{'cached ' if cached else 'compute'}  {name}")
-    if ("grouping", False) in plan:
-        print("\na scene that turns out to be small is made in folds: from grouping on once for each")
 
 
 def _print_failure(metrics: dict[str, Any]) -> None:

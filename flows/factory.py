@@ -13,7 +13,7 @@ from prefect.runtime import deployment, flow_run
 
 from aug3d_core.factory.auto.rows import needs_of
 from aug3d_core.factory.config import SceneConfig
-from aug3d_core.factory.disk_estimate import needed_bytes, size_words
+from aug3d_core.factory.estimate.room import needed_bytes, size_words
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, walk
 from aug3d_core.metrics.comparison import Comparison, compare, side
@@ -96,7 +96,7 @@ def make_version(
         if isinstance(error, DiskFull) or (isinstance(error, StageFailed) and error.cause == "disk"):
             done = {visit.step.name for visit in made}
             left = [visit.step for visit in plan if visit.record is None and visit.step.name not in done]
-            needed = needed_bytes(material, config, before, left)
+            needed = needed_bytes(store, material, config, before, left)
             error.remedy += f"; what is left of this run may need {size_words(needed)}" if needed else ""
         try:
             _conclude(store, scene, preset, made, before, time.monotonic() - started, since, error)

@@ -1,4 +1,4 @@
-"""The plan of a run: what is in the store already, whether that is all, and whether the rest fits on the disk.
+"""The plan of a run: what is in the store already, whether that is all, and whether the rest fits on this machine.
 
 The command line makes it before Prefect is started. The flow then finds it here and does not make it again.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.factory.config import SceneConfig
-from aug3d_core.factory.disk_estimate import check_room
+from aug3d_core.factory.estimate.room import check_room
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.store import layout
@@ -28,11 +28,11 @@ _plan: ContextVar[Sequence[Visit] | None] = ContextVar("plan", default=None)
 def checked_plan(
     store: Store, scene: str, material: Material, config: SceneConfig, before: Mapping[str, Record]
 ) -> Sequence[Visit]:
-    """Return the plan of a run; raises StoreError if the run does not fit on the disk. before: the last version, by step."""
+    """Return the plan of a run; raises StoreError or TooLarge if it does not fit here. before: the last version, by step."""
     if (known := _plan.get()) is not None:
         return known
     plan = tuple(planned(store, material, config))
-    check_room(store, scene, material, config, before, [(visit.step, visit.record) for visit in plan])
+    check_room(store, scene, material, config, before, plan)
     return plan
 
 

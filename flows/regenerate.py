@@ -19,7 +19,7 @@ from prefect.states import Completed, Failed
 from pydantic import Field
 
 from aug3d_core.factory.config import SceneConfig
-from aug3d_core.factory.disk_estimate import check_room
+from aug3d_core.factory.estimate.room import check_room
 from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.run.errors import Aug3dError, UsageError, shown
 from aug3d_core.scene_files.entry import SceneEntry
@@ -157,7 +157,7 @@ def _make(
     store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, plan: Sequence[Visit], since: Traffic
 ) -> dict[str, Any]:
     material, before = entry.material(), records_before(store, scene)
-    check_room(store, scene, material, settings, before, [(visit.step, visit.record) for visit in plan])
+    check_room(store, scene, material, settings, before, plan)
     with listening(artifacts.PrefectProgress()):
         return make_version(store, scene, material, entry.preset, settings, before, plan, since)
 

@@ -7,6 +7,6 @@ walk           the loop behind runs, dry runs, trials and studies
 build          build one object, or find it in the store
 material       what a stage reads
 auto           settings that are decided from the scene
-disk_estimate  refuse a run that does not fit on the disk
+estimate       what a run will take on this machine; refuse one that does not fit
 reference      generate the reference pages in docs/
 """

@@ -42,8 +42,13 @@ def steps(stages: Iterable[Stage], records: Mapping[str, Record]) -> Iterator[St
 
 def later_folds(stages: Iterable[Stage], records: Mapping[str, Record]) -> tuple[Step, ...]:
     """Return the steps of all folds but the first; none before the split is made."""
-    stages = tuple(stages)
-    return tuple(Step(stage, fold) for fold in range(1, fold_count(records)) for stage in _of_the_split(stages))
+    return later_folds_of(stages, fold_count(records))
+
+
+def later_folds_of(stages: Iterable[Stage], folds: int) -> tuple[Step, ...]:
+    """Return the steps of all folds but the first, of so many."""
+    made_in_each = _of_the_split(stages)
+    return tuple(Step(stage, fold) for fold in range(1, folds) for stage in made_in_each)
 
 
 def fold_count(records: Mapping[str, Record]) -> int:

@@ -44,6 +44,10 @@ class DiskFull(StoreError):
     """A disk has no room left for what is to be written; nothing that was finished is lost."""
 
 
+class TooLarge(Aug3dError):
+    """The work needs more memory than this machine allows it."""
+
+
 class StageFailed(Aug3dError):
     """A stage ended without an output.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.run.limits import LIMIT_MEMORY
 from flows.cli import app
 
 
@@ -100,7 +101,29 @@ def test_a_dry_run_says_what_would_be_computed(tmp_path: Path) -> None:
     result = invoke("demo", "--home", tmp_path, "--dry-run", "--json")
     assert result.exit_code == 0
     plan = json.loads(result.stdout)
-    assert plan[0] == {"stage": "town", "cached": False} and plan[-1]["stage"] == "evaluation"
+    assert plan[0]["stage"] == "town" and plan[-1]["stage"] == "evaluation" and not any(s["cached"] for s in plan)
+    assert all(0 < s["seconds"]["low"] < s["seconds"]["likely"] < s["seconds"]["high"] for s in plan)
+    assert all(s["peak_mib"] > 0 and s["disk_mib"] >= 0 for s in plan)
+
+
+def test_a_dry_run_prints_what_each_stage_takes_and_all_together(tmp_path: Path) -> None:
+    told = invoke("demo", "--home", tmp_path, "--dry-run").output
+    assert "16 to compute" in told and "MiB" in told and "min" in told and "of calibration" in told
+    assert "is made in folds" in told
+
+
+@pytest.mark.parametrize("more", [(), ("--dry-run",)])
+def test_a_run_that_cannot_fit_into_memory_is_refused_before_anything_starts(
+    more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(LIMIT_MEMORY, "0.7")
+    refused = invoke("demo", "--home", tmp_path, "--json", *more)
+    assert refused.exit_code == 1
+    failure = json.loads(refused.stdout)["failure"]
+    assert "of memory" in failure["problem"] and "--set" in failure["remedy"] and LIMIT_MEMORY in failure["remedy"]
+    assert not (tmp_path / "prefect").exists()
+    refused = invoke("demo", "--home", tmp_path, "--dry-run")
+    assert refused.exit_code == 1 and "what a run would take" in refused.output
 
 
 @pytest.mark.parametrize("command", [(), ("demo",), ("run",), ("show",), ("doctor",)])

@@ -106,7 +106,7 @@ def test_a_dry_run_and_show_know_the_folds(few: Stages, folder: Path, tmp_path: 
     plan = list(planned(Store(home), Material(photos=folder), scene_config("tiny")))
     assert plan[-1].step.name == "evaluation_fold1" and all(visit.record for visit in plan)
     after = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
-    assert {"stage": "depth_fold1", "cached": True} in after
+    assert {"stage": "depth_fold1", "cached": True, "seconds": None, "peak_mib": None, "disk_mib": None} in after
     shown = runner.invoke(app, ["show", "little", "--home", str(home)])
     assert "2 folds: every figure is over all of them" in shown.output and "4 views" in shown.output
     assert "training_fold1" in shown.output

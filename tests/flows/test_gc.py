@@ -111,7 +111,7 @@ def test_a_run_that_would_not_fit_is_refused_before_anything_is_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "aug3d_core.factory.disk_estimate.shutil.disk_usage", lambda _: SimpleNamespace(free=300 * 2**20)
+        "aug3d_core.factory.estimate.room.shutil.disk_usage", lambda _: SimpleNamespace(free=300 * 2**20)
     )
     done = CliRunner().invoke(app, ["demo", "--home", str(tmp_path), "--json"])
     assert done.exit_code == 1

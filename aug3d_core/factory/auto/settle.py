@@ -21,11 +21,16 @@ def settle(
 
     records: what is made so far, by stage, as this stage sees it. material: what the user gave, by default nothing.
     """
+    return settle_by(stage, Known(config, records, store, material or Material()))
+
+
+def settle_by(stage: Stage, known: Known) -> Settled:
+    """Return a stage's settings with nothing left open, by what is known of the scene."""
+    config = known.config
     chosen = getattr(config, stage.name)
     open_fields = left_open(config, stage.name)
     if not open_fields:
         return Settled(chosen)
-    known = Known(config, records, store, material or Material())
     rules = [rule_of(f"{stage.name}.{field}", config.training.head.name) for field in open_fields]
     decisions = tuple(found for rule in rules if rule and (found := rule(known)))
     values = nested({found.field.partition(".")[2]: found.value for found in decisions})

@@ -1,0 +1,9 @@
+"""What a run will take on this machine, before it starts: time, memory and disk, as ranges.
+
+laws         how each stage grows with the scene and its settings
+size         how large a scene is
+calibration  how this machine differs from the one that the laws were measured on
+estimate     what the steps of a run will take
+room         refuse a run that does not fit
+cost         ranges
+"""
