@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, in_own_process, told
+from aug3d_core.factory.estimate.calibration import calibration_by, samples_of_records
+from aug3d_core.factory.estimate.estimate import estimate_of
+from aug3d_core.factory.estimate.size import size_of
 from aug3d_core.factory.material import Material
 from aug3d_core.geometry.shared_points import shared_points, visibility
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -42,11 +45,15 @@ PAIRS = 20.0
 def figures(store: Store, scene: Measured, say: Say, sizes: Sequence[int]) -> dict[str, Figure]:
     """Make towns of ever more photographs, and compare the processor time of each stage from one size to the next."""
     trials: dict[int, Trial] = {}
-    for size in sizes:
-        trial = run_trial(store, "evaluation", town_of(scene, size), (), directly(store, say))
+    estimated: dict[int, float] = {}
+    for size in sorted(sizes):
+        town = town_of(scene, size)
+        expected = _expected(town, trials)
+        trial = run_trial(store, "evaluation", town, (), directly(store, say))
         if trial.failure:
             return {f"photos_{size}": Figure(None, "", None, None, trial.failure)}
-        trials[int(trial.records["photos"].metrics["photos"] or 0)] = trial
+        count = int(trial.records["photos"].metrics["photos"] or 0)
+        trials[count], estimated[count] = trial, sum(expected[stage] for stage in _seconds(trial))
     largest = trials[max(trials)]
     return {
         **growth({count: _seconds(trial) for count, trial in trials.items()}),
@@ -54,6 +61,7 @@ def figures(store: Store, scene: Measured, say: Say, sizes: Sequence[int]) -> di
         "peak_mib_largest": at_most(8192.0, largest.peak_mib(list(largest.records)), "MiB"),
         **{f"processor_seconds_{count}": Figure(sum(_seconds(trial).values()), "s") for count, trial in trials.items()},
         **{f"peak_mib_{count}": Figure(trial.peak_mib(list(trial.records)), "MiB") for count, trial in trials.items()},
+        **_estimates(trials, estimated),
         **_accuracy(trials),
         **in_own_process(partial(recall_unordered, *_of(store, largest))),
     }
@@ -118,6 +126,23 @@ def _seconds(trial: Trial) -> dict[str, float]:
 def _of(store: Store, trial: Trial) -> tuple[Path, Path, Path]:
     photos, matching, sfm = (store.files_dir(trial.records[name]) for name in ("photos", "matching", "sfm"))
     return photos, matching, sfm
+
+
+def _expected(town: Measured, trials: Mapping[int, Trial]) -> dict[str, float]:
+    """Return what each stage is estimated to take, by what this machine took for the smaller towns, or by a little work [s]."""
+    samples = [sample for trial in reversed(trials.values()) for sample in samples_of_records(trial.records)]
+    size = size_of(Material(), town.config(), {})
+    return {
+        stage: cost.seconds.likely for stage, cost in estimate_of(town.config(), size, calibration_by(samples)).items()
+    }
+
+
+def _estimates(trials: Mapping[int, Trial], estimated: Mapping[int, float]) -> dict[str, Figure]:
+    """Return the estimates over what was then measured, wall time, and the worst, whichever way it is wrong."""
+    over = {count: estimated[count] / trial.seconds(_seconds(trial)) for count, trial in trials.items()}
+    found = {f"estimated_over_measured_{count}": Figure(ratio, "ratio") for count, ratio in over.items()}
+    worst = max(max(ratio, 1 / ratio) for ratio in over.values())
+    return found | {"estimate_error_ratio": at_most(1.5, worst, "times")}
 
 
 def _accuracy(trials: Mapping[int, Trial]) -> dict[str, Figure]:

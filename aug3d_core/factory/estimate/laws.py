@@ -28,6 +28,7 @@ _TEXTURED_MPX = 25.0  # of depth maps, of which a texture is as large as it may 
 _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
 _USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
 _PROBED = 430
+_ALL_RANKED, _RANKED = 129, 24.0  # photographs without GPS: sfm/pairs.py; pairs for each where they are more
 
 
 @dataclass(frozen=True)
@@ -99,11 +100,11 @@ class Scene:
 
     @cached_property
     def ranked(self) -> float:
-        """The pairs that are compared coarsely: some for each photograph with GPS, all without."""
+        """The pairs that are compared coarsely: some for each photograph with GPS; without, all of few, and some for each of many."""
         if self.pairs == self.all_pairs or self.config.matching.pairs == "gps":
             return 0.0
         if self.config.matching.pairs == "coarse" or not self.size.gps:
-            return self.all_pairs
+            return self.all_pairs if self.photos <= _ALL_RANKED else _RANKED * self.photos
         return min(1.7 * self.config.matching.neighbours * self.photos, self.all_pairs)
 
     @cached_property
@@ -282,7 +283,9 @@ def _pixelnerf_group(scene: Scene, head: HeadConfig) -> Work:
     samples = head.coarse_samples + head.fine_samples + head.depth_samples
     queries = head.rays_per_group * samples * scene.config.training.input_views
     width = head.hidden / 64
-    return Work(all_cores_s=queries / 127_000 * width**1.7, peak_mib=queries / 330 * width**1.25)  # of `aug3d bench nerf`
+    return Work(
+        all_cores_s=queries / 127_000 * width**1.7, peak_mib=queries / 330 * width**1.25
+    )  # of `aug3d bench nerf`
 
 
 def _unknown_group(scene: Scene, _: HeadConfig) -> Work:
