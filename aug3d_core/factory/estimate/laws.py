@@ -100,7 +100,7 @@ class Scene:
 
     @cached_property
     def ranked(self) -> float:
-        """The pairs that are compared coarsely: some for each photograph with GPS; without, all of few, and some for each of many."""
+        """The pairs that are compared coarsely: some for each photograph; without GPS all, where photographs are few."""
         if self.pairs == self.all_pairs or self.config.matching.pairs == "gps":
             return 0.0
         if self.config.matching.pairs == "coarse" or not self.size.gps:
