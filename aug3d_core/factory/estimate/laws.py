@@ -282,7 +282,9 @@ def _pixelnerf_group(scene: Scene, head: HeadConfig) -> Work:
     samples = head.coarse_samples + head.fine_samples + head.depth_samples
     queries = head.rays_per_group * samples * scene.config.training.input_views
     width = head.hidden / 64
-    return Work(all_cores_s=queries / 127_000 * width**1.7, peak_mib=queries / 330 * width**1.25)  # of `aug3d bench nerf`
+    return Work(
+        all_cores_s=queries / 127_000 * width**1.7, peak_mib=queries / 330 * width**1.25
+    )  # of `aug3d bench nerf`
 
 
 def _unknown_group(scene: Scene, _: HeadConfig) -> Work:
