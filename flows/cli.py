@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,7 +29,7 @@ from flows.compare import compare_runs
 from flows.gc import gc
 from flows.hand_on import export_groups
 from flows.join import worker
-from flows.plan import checked_plan, following, nothing_to_do
+from flows.plan import checked_plan, expected_times, following, nothing_to_do
 from flows.plan_table import print_plan
 from flows.predict import predict
 from flows.preflight import check_servers
@@ -196,8 +196,9 @@ def _run(
             version = Path(metrics["paths"]["metrics"]).parent.name
             console.print(f"nothing changed, nothing was computed: the version of {version}", highlight=False)
         else:
+            expected_s = expected_times(store, material, config, plan)
             with following(plan), prefect_server(store.root) as ready:
-                metrics = _run_flow(store, scene, material, stages, preset, config, console, ready)
+                metrics = _run_flow(store, scene, material, stages, preset, config, console, ready, expected_s)
     if as_json:
         print(json.dumps(metrics, indent=1))
     else:
@@ -215,6 +216,7 @@ def _run_flow(
     config: SceneConfig,
     console: Console,
     server_is_ready: Callable[[], bool],
+    expected_s: Mapping[str, float],
 ) -> dict[str, Any]:
     # Prefect reads its settings when it is imported, so it is imported after they are set.
     from prefect import tags
@@ -227,7 +229,7 @@ def _run_flow(
     # Signs of life are for a server that outlives the run. To end them takes up to a second.
     silent = temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None} if server_is_ready() else None)
     photos, poses = (str(path) if path else None for path in (material.photos, material.poses))
-    with Display(console, stages) as display, listening(display), tags(OURS), silent:
+    with Display(console, stages, expected_s) as display, listening(display), tags(OURS), silent:
         return factory(scene, photos, preset, config, str(store.root), poses)
 
 

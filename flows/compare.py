@@ -22,9 +22,9 @@ from aug3d_core.store.published import RULES
 from aug3d_core.store.scenes import records_of, scenes, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
-from flows.display import figure
 from flows.refusal import typed_errors
 from flows.settings import apply_local_environment
+from flows.words import figure
 from tasks.mlflow_outbox import waiting
 
 HOME = Path("aug3d_data")

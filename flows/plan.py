@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.estimate.estimate import estimate_plan
 from aug3d_core.factory.estimate.room import check_room
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, planned
+from aug3d_core.run.errors import InputError
 from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
 from aug3d_core.store.record import Record
@@ -34,6 +36,18 @@ def checked_plan(
     plan = tuple(planned(store, material, config))
     check_room(store, scene, material, config, before, plan)
     return plan
+
+
+def expected_times(store: Store, material: Material, config: SceneConfig, plan: Sequence[Visit]) -> dict[str, float]:
+    """Return what the missing steps of a run will likely take [s]; none where the photographs cannot be read.
+
+    No work is done to know this machine: what the run takes will tell.
+    """
+    try:
+        steps = estimate_plan(store, material, config, plan, timed=False).steps
+    except InputError:
+        return {}
+    return {name: cost.seconds.likely for name, cost in steps.items() if cost}
 
 
 def made_of_the_same(store: Store, scene: str, plan: Sequence[Visit]) -> Path | None:

@@ -19,9 +19,9 @@ from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.store.scenes import records_before
 from aug3d_core.store.store import Store
 from flows.summary import WIDTH
+from flows.words import time_words
 
 _MIB = 2**20
-_MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
 
 
 def print_plan(store: Store, scene: str, material: Material, config: SceneConfig, as_json: bool) -> None:
@@ -78,15 +78,7 @@ def _figures(cost: Cost | None) -> tuple[str, ...]:
     if cost is None:
         return ("-",) * 5
     times = (cost.seconds.likely, cost.seconds.low, cost.seconds.high)
-    return (*map(_time, times), _size(cost.peak_mib), _size(cost.disk_mib))
-
-
-def _time(seconds: float) -> str:
-    if seconds < 2 * _MINUTE_S:
-        return f"{max(seconds, 1):.0f} s"
-    if seconds < 2 * _HOUR_S:
-        return f"{seconds / _MINUTE_S:.0f} min"
-    return f"{seconds / _HOUR_S:.1f} h" if seconds < 2 * _DAY_S else f"{seconds / _DAY_S:.0f} days"
+    return (*map(time_words, times), _size(cost.peak_mib), _size(cost.disk_mib))
 
 
 def _size(mib: Range) -> str:

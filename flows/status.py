@@ -23,10 +23,10 @@ from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.serving import PASSWORD, secrets_read
 from flows.settings import HOME, apply_local_environment
-from flows.summary import WIDTH, traffic_words
+from flows.summary import WIDTH
+from flows.words import time_words, traffic_words
 
 _API, _AUTH = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING"
-_MINUTE_S, _HOUR_S = 60, 3600
 
 
 def status(
@@ -158,8 +158,4 @@ def _clock(run: Mapping[str, Any]) -> str:
 
 
 def _duration(seconds: float | None) -> str:
-    if seconds is None:
-        return "ever"
-    if seconds < 2 * _MINUTE_S:
-        return f"{seconds:.0f} s"
-    return f"{seconds / _MINUTE_S:.0f} min" if seconds < 2 * _HOUR_S else f"{seconds / _HOUR_S:.1f} h"
+    return "ever" if seconds is None else time_words(seconds)

@@ -20,7 +20,7 @@ from aug3d_core.judging.names import called, interval_words
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
-from flows.display import figure
+from flows.words import figure, traffic_words
 
 WIDTH = 120
 
@@ -112,13 +112,6 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
         places["data set"] = paths["objects"]["dataset"]
     for name, place in places.items():
         console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)
-
-
-def traffic_words(told: Mapping[str, Any]) -> str:
-    """Return what a run asked of the shared store, in words."""
-    kinds = ", ".join(f"{kind} {count:,}" for kind, count in told["requests"].items())
-    asked = f"{sum(told['requests'].values()):,} requests ({kinds})" if kinds else "no request"
-    return f"{asked}, {told['mib_up']:,.1f} MiB up, {told['mib_down']:,.1f} MiB down"
 
 
 def _mlflow_pages(paths: Mapping[str, Any]) -> str:

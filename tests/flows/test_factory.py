@@ -177,7 +177,7 @@ def test_the_display_numbers_the_steps_of_every_fold(few: Stages, folder: Path, 
     from tasks.progress import listening
 
     console = Console(record=True, width=120)
-    with Display(console, FEW) as display, listening(display):
+    with Display(console, FEW, {"depth": 100.0}) as display, listening(display):
         run(tmp_path / "home", folder)
     total = 2 * len(FEW) - 1  # photos are taken in once
     text = console.export_text()

@@ -52,15 +52,20 @@ def estimate_of(
     return {stage: _cost(stage, scene, calibration) for stage in LAWS}
 
 
-def estimate_plan(store: Store, material: Material, config: SceneConfig, plan: Sequence[Visit]) -> PlanEstimate:
-    """Return what a run will take; raises InputError if there are no photographs to be counted."""
+def estimate_plan(
+    store: Store, material: Material, config: SceneConfig, plan: Sequence[Visit], *, timed: bool = True
+) -> PlanEstimate:
+    """Return what a run will take; raises InputError if there are no photographs to be counted.
+
+    timed: work a little to know a machine that has made too little yet.
+    """
     made = {visit.step.name: visit.record for visit in plan if visit.record}
     missing = [visit.step for visit in plan if visit.record is None]
     if not missing:
         return PlanEstimate({visit.step.name: None for visit in plan}, total_of(()), 1, "", ())
     size = size_of(material, config, made)
     chosen = likely_settings(config, size, plan, store, material)
-    calibration = calibration_of(store)
+    calibration = calibration_of(store, timed=timed)
     costs = estimate_of(chosen, size, calibration)
     counted = in_folds(missing, chosen, size)
     return PlanEstimate(
