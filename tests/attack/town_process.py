@@ -14,14 +14,14 @@ from typing import Any
 
 import psutil
 
+from aug3d_core.bench.small_town import OVERRIDES
+from aug3d_core.bench.team import stage_of
 from aug3d_core.factory.stages import FROM_TOWN
 from aug3d_core.run.files import LOG
 from aug3d_core.store import layout
-from tests.journeys.small_town import OVERRIDES
 from tests.tests_support import words_of
 
 ORDER = [stage.name for stage in FROM_TOWN]
-_NAMED = "aug3d "  # how a stage's process calls itself, of which the kernel keeps 15 characters
 _LOOK_S = 0.05
 _GONE_S = 60.0  # until nothing of a run that ended may live
 
@@ -148,15 +148,6 @@ def _lives(process: psutil.Process) -> bool:
         return process.status() != psutil.STATUS_ZOMBIE
     except psutil.Error:
         return False
-
-
-def stage_of(process: psutil.Process) -> str:
-    try:
-        name = process.name()
-    except psutil.Error:
-        return ""
-    named = name.removeprefix(_NAMED)
-    return next((stage for stage in ORDER if name != named and stage.startswith(named)), "")
 
 
 def _working_for(home: Path) -> Iterator[psutil.Process]:

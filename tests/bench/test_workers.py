@@ -1,0 +1,126 @@
+"""What is counted of workers that share the work: how often a thing was made, and what a kill has lost."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from typer.testing import CliRunner
+
+from aug3d_core.bench import machines, team, workers
+from aug3d_core.bench.figure import Figure
+from aug3d_core.run.errors import Aug3dError
+from flows.cli import app
+
+LOGS = {("one", "depth a"), ("two", "depth b")}
+
+
+def say(*_: object) -> None:
+    pass
+
+
+def test_what_a_home_has_a_log_of_was_made_once_whether_or_not_a_version_says_so() -> None:
+    computed = {("one", "one/scenes/town/1", "depth a")}
+    assert team.times_made(LOGS, computed) == team.times_made(LOGS, set()) == {"depth a": 1, "depth b": 1}
+
+
+def test_who_came_second_is_counted_though_its_log_is_gone() -> None:
+    """The store has the first one's: the second finds that at the end, and keeps nothing of its own."""
+    assert team.times_made(LOGS, {("two", "two/scenes/town/1", "depth a")})["depth a"] == 2
+
+
+def test_two_versions_of_a_home_that_both_made_a_thing_made_it_twice() -> None:
+    computed = {("one", f"one/scenes/town/{number}", "depth a") for number in (1, 2)}
+    made = team.times_made(LOGS, computed)
+    assert made == {"depth a": 2, "depth b": 1} and workers.made_twice(made) == 1
+
+
+def test_a_thing_that_a_killed_worker_and_its_successor_both_made_was_made_twice() -> None:
+    """A killed run has no version: of what it made its home has the logs."""
+    logs = {("victim", "depth a"), ("other", "depth a")}
+    assert team.times_made(logs, {("other", "other/scenes/town/1", "depth a")})["depth a"] == 2
+
+
+def shard(home: Path, number: int, at_s: float) -> None:
+    file = home / "work/depth/key/files/raw" / f"{number:06d}.png.planes"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("7")
+    os.utime(file, (at_s, at_s))
+
+
+def test_maps_that_are_older_than_the_job_were_given_and_later_ones_made(tmp_path: Path) -> None:
+    for number, age_s in enumerate((20.0, 10.0, -10.0)):
+        shard(tmp_path, number, time.time() - age_s)
+    assert workers.brought(tmp_path) == set(), "there is no job yet"
+    (tmp_path / "work/depth/key/job.json").write_text("{}")
+    assert workers.brought(tmp_path) == {"000000.png.planes", "000001.png.planes"}
+
+
+def test_a_process_is_known_by_the_15_characters_that_the_kernel_keeps() -> None:
+    names = {"aug3d depth": "depth", "aug3d evaluatio": "evaluation", "aug3d": "", "python": "", "aug3d up": ""}
+    assert {name: team.stage_of(SimpleNamespace(name=lambda n=name: n)) for name in names} == names  # type: ignore[arg-type]
+
+
+def test_the_figures_of_a_batch_compare_one_with_two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5})
+    asked = []
+
+    def batch(folder: Path, towns: int, number: int, _: object) -> workers.Batch:
+        asked.append((folder.name, towns, number))
+        made = Counter({"town a": 1, "town b": number})
+        return workers.Batch({1: 300.0, 2: 150.0}[number], "", made, frozenset())
+
+    monkeypatch.setattr(workers, "batch", batch)
+    found = workers.batch_figures(tmp_path, say, 4)
+    assert asked == [("two", 4, 2), ("one", 4, 1)]
+    assert found["two_workers_speedup"] == Figure(2.0, "times", 1.7, True)
+    assert found["made_twice"] == Figure(1, "objects", 0.0, False)
+
+
+def test_one_core_is_told_not_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    [figure] = workers.batch_figures(tmp_path, say).values()
+    assert (figure.value, figure.holds, figure.failure) == (None, False, "this machine has one core")
+
+
+def test_a_takeover_and_an_outage_are_held_to_their_goals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    once = Counter({"town a": 1})
+    monkeypatch.setattr(workers, "takeover", lambda *_: workers.Takeover("one", 90.0, 5, 2, {}, once))
+    monkeypatch.setattr(workers, "outage", lambda _, away_s, __: workers.Outage(away_s + 3, 4.0, {}, once))
+    found = workers.takeover_figures(tmp_path, say) | workers.outage_figures(tmp_path, say)
+    assert {name: figure.value for name, figure in found.items()} == {
+        "takeover_seconds": 90.0,
+        "lost_after_kill_shards": 2,
+        "whole_at_kill_shards": 5,
+        "made_twice_after_kill": 0,
+        "resume_seconds_after_store_outage": 4.0,
+        "store_outage_seconds": 63.0,
+        "made_twice_after_outage": 0,
+    }
+    assert found["takeover_seconds"].holds and not found["lost_after_kill_shards"].holds
+
+
+@pytest.mark.parametrize("asked", [[], ["--workers"]])
+def test_workers_are_measured_where_that_is_asked_for(
+    asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machines, "figures", lambda *_: {"s3_up": Figure(1.0, "MiB")})
+    monkeypatch.setattr(workers, "PARTS", (lambda folder, say: {"takeover_seconds": Figure(90.0, "s")},))
+    done = CliRunner().invoke(app, ["bench", "machines", *asked, "--home", str(tmp_path), "--json"])
+    assert done.exit_code == 0, done.output
+    assert ("takeover_seconds" in done.stdout) == bool(asked) and '"s3_up"' in done.stdout
+
+
+def test_what_was_found_is_told_before_a_part_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> dict[str, Figure]:
+        raise team.TeamFailed("not in 900 s: depth is being made", "see the logs")
+
+    monkeypatch.setattr(machines, "figures", lambda *_: {"s3_up": Figure(1.0, "MiB")})
+    monkeypatch.setattr(workers, "PARTS", (fails,))
+    done = CliRunner().invoke(app, ["bench", "machines", "--workers", "--home", str(tmp_path)])
+    assert done.exit_code == 1 and issubclass(team.TeamFailed, Aug3dError)
+    assert "s3_up: 1 MiB" in done.output and "not in 900 s" in done.output
