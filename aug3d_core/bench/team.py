@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -33,6 +34,7 @@ AUG3D = str(Path(sys.executable).parent / "aug3d")
 _STAGES = [stage.name for stage in FROM_TOWN]
 _NAMED = "aug3d "  # how a stage's process calls itself, of which the kernel keeps 15 characters
 _OTHERS = ("AUG3D_", "AWS_", "MLFLOW_", "PREFECT_")  # variables that would lead a team to something that is not its own
+_WORKER = "prefect.worker.name"  # label of a run: machine, home and queues of its worker
 _GONE_S = 60.0  # until nothing of a killed worker lives
 
 
@@ -65,10 +67,13 @@ class Team:
                 time.sleep(1)
         raise self._failed(f"{path}: Prefect's database is always busy")
 
-    def start(self, name: str, **parameters: Any) -> str:
-        """Start what is deployed under a name and return the run's id."""
+    def start(self, name: str, on: str | None = None, **parameters: Any) -> str:
+        """Start what is deployed under a name, on one worker if one is named, and return the run's id."""
         [deployed] = [one for one in self.ask("deployments/filter", {}) if one["name"] == name]
-        return self.ask(f"deployments/{deployed['id']}/create_flow_run", {"parameters": parameters})["id"]
+        asked: dict[str, Any] = {"parameters": parameters}
+        if on is not None:
+            asked["work_queue_name"] = f"{socket.gethostname()} {on}"  # its own, called by machine and home
+        return self.ask(f"deployments/{deployed['id']}/create_flow_run", asked)["id"]
 
     def start_all(self) -> str:
         """Start the batch of all scenes and return its id."""
@@ -87,6 +92,11 @@ class Team:
         """Return the runs of scenes, by scene."""
         runs = self.ask("flow_runs/filter", {})
         return {run["parameters"]["scene"]: run for run in runs if "scene" in run["parameters"]}
+
+    def worker_of(self, scene: str) -> str:
+        """Return which worker makes a scene, "" if none does."""
+        label = self.scenes().get(scene, {}).get("labels", {}).get(_WORKER, "")
+        return label.rpartition(" (")[0].removeprefix(f"{socket.gethostname()} ")
 
     def status(self) -> dict[str, Any]:
         """Return what `aug3d status` tells on the machine of `aug3d up`."""

@@ -16,7 +16,7 @@ from typing import Any
 from aug3d_core.bench.figure import Figure, at_least, at_most
 from aug3d_core.bench.team import Team, TeamFailed, team
 from aug3d_core.depth.files import RAW
-from aug3d_core.run.files import FILES, JOB
+from aug3d_core.run.files import FILES, JOB, LOG
 from aug3d_core.store import layout
 from aug3d_core.studies.common.trial import Say
 
@@ -43,7 +43,7 @@ class Batch:
 class Takeover:
     """What came of a town whose worker was killed.
 
-    seconds: from the kill until the other worker has a process at the same stage. whole, lost: depth maps that were whole in
+    seconds: from the kill until the other worker begins to make the same object. whole, lost: depth maps that were whole in
     the victim's home when nothing of it lived any more, and those among them that the other did not get. run: as Prefect
     has it in the end.
     """
@@ -87,7 +87,7 @@ def batch_figures(folder: Path, say: Say, towns: int = TOWNS) -> dict[str, Figur
 
 
 def takeover_figures(folder: Path, say: Say) -> dict[str, Figure]:
-    """Kill one of two workers in depth, at the worst moment: just as a depth map is whole, which nobody else has yet.
+    """Kill one of two workers in depth, at a bad moment: just as a depth map is whole, which nobody else has yet.
 
     A lost shard is a depth map that was whole in the victim's home and that the other worker had to make again. What the
     victim had begun and not finished, one map for each of its two processes, was never there, and is not counted.
@@ -135,33 +135,35 @@ def batch(folder: Path, towns: int, number: int, say: Say) -> Batch:
         seconds = time.monotonic() - started
         say(who, towns, towns, "towns")
         _check(members, ended)
-        workers = {run["labels"]["prefect.worker.name"] for run in members.scenes().values()}
+        workers = map(members.worker_of, members.scenes())
         return Batch(seconds, ended["message"], members.made(), frozenset(workers))
 
 
 def takeover(folder: Path, stage: str, say: Say, whole: int = 0) -> Takeover:
-    """Make a town with two workers, and kill the one that is at a stage; raises TeamFailed if the other does not go on.
+    """Make a town, and kill its worker when it is at a stage; raises TeamFailed if the other worker does not go on.
 
-    whole: how many depth maps the victim shall have, the last a moment old.
+    The other makes a town of its own meanwhile: with nothing to do it would help, and what it had made so could not be told
+    from what it was given. Each has a core. whole: how many depth maps the victim shall have, the last a moment old.
     """
-    with team(_empty(folder), {"town": LONG_DEPTH if stage == "depth" else {}}, ("one", "two")) as members:
-        run = members.start_all()
+    cores, own = sorted(os.sched_getaffinity(0)), LONG_DEPTH if stage == "depth" else {}
+    with team(_empty(folder), {"town": own, "beside": {"town": {"seed": 1}}}, ()) as members:
+        for place, name in enumerate(("one", "two")):
+            members.join(name, cores[place % len(cores)])
+        run = members.start("town")
         say("kill -9", 0, 3, f"waiting for {stage}")
-        victim = _first_at(members, stage)
+        members.wait(lambda: bool(members.worker_of("town")), 120, "a worker takes the town")
+        victim = members.worker_of("town")
         other = {"one": "two", "two": "one"}[victim]
-        members.wait(lambda: len(_shards(folder / victim)) >= whole, 300, f"{whole} depth maps are made", every_s=0.05)
-        if members.at_work(stage) != [victim]:  # what the other has made could not be told from what it was given
-            raise TeamFailed(
-                f"{victim} is no longer at {stage} alone", "try again while this machine does nothing else"
-            )
+        members.start("beside", on=other)
+        members.wait(lambda: stage in members.stages(victim), 900, f"{victim} makes {stage}")
+        members.wait(lambda: len(_shards(folder / victim)) >= whole, 600, f"{whole} depth maps are made", every_s=0.05)
         killed = time.monotonic()
         members.kill(victim)
-        there = _shards(folder / victim)
+        key, there = _begun(folder / victim, stage), _shards(folder / victim)
         say("kill -9", 1, 3, f"waiting until {other} takes over")
-        # what was handed over may leave it little to do
-        members.wait(lambda: stage in members.stages(other) or members.has_made(stage), 300, f"{other} makes {stage}")
+        members.wait(lambda: _has_taken(folder / other, stage, key), 300, f"{other} makes {stage} {key}", every_s=0.1)
         seconds = time.monotonic() - killed
-        got = brought(folder / other)
+        got = brought(folder / other / layout.WORK / stage / key) if whole else set()
         say("kill -9", 2, 3, f"{other} is at {stage}")
         _check(members, members.end_of(run, _HOUR_S))
         return Takeover(victim, seconds, len(there), len(there - got), members.scenes()["town"], members.made())
@@ -186,34 +188,31 @@ def outage(folder: Path, away_s: float, say: Say) -> Outage:
         return Outage(back - went, seconds, members.scenes()["town"], members.made())
 
 
-def _first_at(members: Team, stage: str) -> str:
-    """Wait until a worker is at a stage, and return which."""
-    found: list[str] = []
-
-    def look() -> bool:
-        found.extend(members.at_work(stage))
-        return bool(found)
-
-    members.wait(look, 900, f"{stage} is being made")
-    return found[0]
-
-
-def brought(home: Path) -> set[str]:
-    """Return which depth maps a machine was given of an object that it has at work: those older than the job.
+def brought(work: Path) -> set[str]:
+    """Return which depth maps a machine was given, in a work folder: those older than the job.
 
     What another machine left comes first, then the job is written, then the stage begins.
     """
-    return {
-        shard.name
-        for job in home.glob(f"{layout.WORK}/depth/*/{JOB}")
-        for shard in (job.parent / FILES).glob(_SHARD)
-        if shard.stat().st_mtime_ns <= job.stat().st_mtime_ns
-    }
+    job_ns = (work / JOB).stat().st_mtime_ns
+    return {shard.name for shard in (work / FILES).glob(_SHARD) if shard.stat().st_mtime_ns <= job_ns}
 
 
 def _shards(home: Path) -> set[str]:
     """Return which depth maps are whole in a home whose worker is in depth."""
     return {shard.name for shard in home.glob(f"{layout.WORK}/depth/*/{FILES}/{_SHARD}")}
+
+
+def _begun(home: Path, stage: str) -> str:
+    """Return the key of the object of a stage that a killed worker has left half made."""
+    keys = [job.parent.name for job in home.glob(f"{layout.WORK}/{stage}/*/{JOB}")]
+    if len(keys) != 1:
+        raise TeamFailed(f"{home.name} was killed while {len(keys)} objects of {stage} were made", "try again")
+    return keys[0]
+
+
+def _has_taken(home: Path, stage: str, key: str) -> bool:
+    """Say whether a worker makes an object, or has made it: what was handed over may have left little to do."""
+    return (home / layout.WORK / stage / key / JOB).exists() or (home / layout.OBJECTS / stage / key / LOG).exists()
 
 
 def _check(members: Team, ended: dict[str, Any]) -> None:

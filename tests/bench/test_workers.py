@@ -45,18 +45,15 @@ def test_a_thing_that_a_killed_worker_and_its_successor_both_made_was_made_twice
     assert team.times_made(logs, {("other", "other/scenes/town/1", "depth a")})["depth a"] == 2
 
 
-def shard(home: Path, number: int, at_s: float) -> None:
-    file = home / "work/depth/key/files/raw" / f"{number:06d}.png.planes"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text("7")
-    os.utime(file, (at_s, at_s))
-
-
 def test_maps_that_are_older_than_the_job_were_given_and_later_ones_made(tmp_path: Path) -> None:
+    raw = tmp_path / "files" / "raw"
+    raw.mkdir(parents=True)
+    (tmp_path / "job.json").write_text("{}")
     for number, age_s in enumerate((20.0, 10.0, -10.0)):
-        shard(tmp_path, number, time.time() - age_s)
-    assert workers.brought(tmp_path) == set(), "there is no job yet"
-    (tmp_path / "work/depth/key/job.json").write_text("{}")
+        shard, at_s = raw / f"{number:06d}.png.planes", time.time() - age_s
+        for file in (shard, raw / f".{shard.name}.123", raw / f"{number:06d}.png.geometric.bin"):
+            file.write_text("7")
+            os.utime(file, (at_s, at_s))
     assert workers.brought(tmp_path) == {"000000.png.planes", "000001.png.planes"}
 
 
