@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import signal
 import socket
 import subprocess
@@ -54,23 +55,23 @@ class Team:
     workers: dict[str, subprocess.Popen] = field(default_factory=dict)
 
     def ask(self, path: str, body: Any = None) -> Any:
-        """Ask Prefect's API, again while its database is busy; a body is posted."""
+        """Ask Prefect's API, again while it or its database is busy; a body is posted."""
         headers = {"Authorization": f"Bearer {self.token}", "Content-Type": "application/json"}
         data = None if body is None else json.dumps(body).encode()
         for _ in range(20):
             try:
                 with urlopen(Request(f"{self.server}/api/{path}", data, headers), timeout=60) as answer:
                     return json.loads(answer.read())
-            except HTTPError as error:
-                if error.code != 503:
+            except OSError as error:
+                if isinstance(error, HTTPError) and error.code != 503:
                     raise
                 time.sleep(1)
-        raise self._failed(f"{path}: Prefect's database is always busy")
+        raise self._failed(f"{path}: Prefect is always busy")
 
     def start(self, name: str, on: str | None = None, **parameters: Any) -> str:
         """Start what is deployed under a name, on one worker if one is named, and return the run's id."""
         [deployed] = [one for one in self.ask("deployments/filter", {}) if one["name"] == name]
-        asked: dict[str, Any] = {"parameters": parameters}
+        asked: dict[str, Any] = {"parameters": parameters, "idempotency_key": secrets.token_hex(8)}  # `ask` asks again
         if on is not None:
             asked["work_queue_name"] = f"{socket.gethostname()} {on}"  # its own, called by machine and home
         return self.ask(f"deployments/{deployed['id']}/create_flow_run", asked)["id"]

@@ -1,4 +1,4 @@
-"""What is counted of workers that share the work: how often a thing was made, and what a kill has lost."""
+"""What two workers, a kill and an outage are measured by, and that the command tells it. The teams are stand-ins."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import time
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -16,33 +15,9 @@ from aug3d_core.bench.figure import Figure
 from aug3d_core.run.errors import Aug3dError
 from flows.cli import app
 
-LOGS = {("one", "depth a"), ("two", "depth b")}
-
 
 def say(*_: object) -> None:
     pass
-
-
-def test_what_a_home_has_a_log_of_was_made_once_whether_or_not_a_version_says_so() -> None:
-    computed = {("one", "one/scenes/town/1", "depth a")}
-    assert team.times_made(LOGS, computed) == team.times_made(LOGS, set()) == {"depth a": 1, "depth b": 1}
-
-
-def test_who_came_second_is_counted_though_its_log_is_gone() -> None:
-    """The store has the first one's: the second finds that at the end, and keeps nothing of its own."""
-    assert team.times_made(LOGS, {("two", "two/scenes/town/1", "depth a")})["depth a"] == 2
-
-
-def test_two_versions_of_a_home_that_both_made_a_thing_made_it_twice() -> None:
-    computed = {("one", f"one/scenes/town/{number}", "depth a") for number in (1, 2)}
-    made = team.times_made(LOGS, computed)
-    assert made == {"depth a": 2, "depth b": 1} and workers.made_twice(made) == 1
-
-
-def test_a_thing_that_a_killed_worker_and_its_successor_both_made_was_made_twice() -> None:
-    """A killed run has no version: of what it made its home has the logs."""
-    logs = {("victim", "depth a"), ("other", "depth a")}
-    assert team.times_made(logs, {("other", "other/scenes/town/1", "depth a")})["depth a"] == 2
 
 
 def test_maps_that_are_older_than_the_job_were_given_and_later_ones_made(tmp_path: Path) -> None:
@@ -55,11 +30,6 @@ def test_maps_that_are_older_than_the_job_were_given_and_later_ones_made(tmp_pat
             file.write_text("7")
             os.utime(file, (at_s, at_s))
     assert workers.brought(tmp_path) == {"000000.png.planes", "000001.png.planes"}
-
-
-def test_a_process_is_known_by_the_15_characters_that_the_kernel_keeps() -> None:
-    names = {"aug3d depth": "depth", "aug3d evaluatio": "evaluation", "aug3d": "", "python": "", "aug3d up": ""}
-    assert {name: team.stage_of(SimpleNamespace(name=lambda n=name: n)) for name in names} == names  # type: ignore[arg-type]
 
 
 def test_the_figures_of_a_batch_compare_one_with_two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
