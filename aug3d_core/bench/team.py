@@ -12,7 +12,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ _STAGES = [stage.name for stage in FROM_TOWN]
 _NAMED = "aug3d "  # how a stage's process calls itself, of which the kernel keeps 15 characters
 _OTHERS = ("AUG3D_", "AWS_", "MLFLOW_", "PREFECT_")  # variables that would lead a team to something that is not its own
 _WORKER = "prefect.worker.name"  # label of a run: machine, home and queues of its worker
-_GONE_S = 60.0  # until nothing of a killed worker lives
+_GONE_S = 60.0  # until nothing of what ended, or was killed, may live
 
 
 class TeamFailed(Aug3dError):
@@ -115,7 +115,7 @@ class Team:
 
     def stages(self, name: str) -> set[str]:
         """Return the stages for which a worker has a process."""
-        return {*filter(None, map(stage_of, self._family(name)))}
+        return {*filter(None, map(stage_of, psutil.Process(self.workers[name].pid).children(recursive=True)))}
 
     def at_work(self, stage: str) -> list[str]:
         """Return which workers have a process that makes a stage."""
@@ -127,10 +127,9 @@ class Team:
 
     def kill(self, name: str) -> None:
         """End a worker as a power cut does, and wait until nothing of it lives."""
-        family = self._family(name)
         self.workers[name].kill()
         self.workers.pop(name).wait()
-        if alive := psutil.wait_procs(family, _GONE_S)[1]:
+        if alive := leftovers(self.folder / name):
             raise self._failed(f"of {name}, which was killed, these live on: {alive}")
 
     @contextmanager
@@ -189,9 +188,6 @@ class Team:
         given = {key: value for key, value in os.environ.items() if not key.startswith(_OTHERS)}
         return {**given, **self.store, **more}
 
-    def _family(self, name: str) -> list[psutil.Process]:
-        return psutil.Process(self.workers[name].pid).children(recursive=True)
-
     def _logs(self) -> Iterator[tuple[str, str]]:
         """Yield home and object for each log: of an object that was brought from others a home has none."""
         for log in self.folder.glob(f"*/{layout.OBJECTS}/*/*/{LOG}"):
@@ -237,6 +233,24 @@ def stage_of(process: psutil.Process) -> str:
         return ""
     named = name.removeprefix(_NAMED)
     return next((stage for stage in _STAGES if name != named and stage.startswith(named)), "")
+
+
+def leftovers(home: Path) -> list[str]:
+    """Return the commands that still run for a home: stages, renderers, Prefect's server. They may take a minute to end."""
+    deadline = time.monotonic() + _GONE_S
+    while alive := list(_working_for(home)):
+        if time.monotonic() > deadline:
+            return alive
+        time.sleep(0.2)
+    return []
+
+
+def _working_for(home: Path) -> Iterator[str]:
+    for process in psutil.process_iter(["cmdline"]):
+        with suppress(psutil.Error):
+            mine = process.environ().get("PREFECT_HOME") == str(home / layout.PREFECT)
+            if process.pid != os.getpid() and mine and process.status() != psutil.STATUS_ZOMBIE:
+                yield " ".join(process.info["cmdline"] or ())
 
 
 @contextmanager

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from aug3d_core.bench.team import team
+from aug3d_core.bench.team import leftovers, team
 from aug3d_core.bench.workers import TOWNS, WHOLE, batch, takeover
 from aug3d_core.run.files import LOG
 from aug3d_core.store.layout import STUDIES, STUDY_PAGE
-from tests.attack.town_process import leftovers
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(4 * 3600)]
 WITHIN_S = 120.0

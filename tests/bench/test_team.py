@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as NotYet
 from pathlib import Path
@@ -9,8 +12,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from aug3d_core.bench import team
 from aug3d_core.bench.s3_service import BUCKET, KEYS, address_of, free_port, s3_process
-from aug3d_core.bench.team import Team, stage_of, times_made
+from aug3d_core.bench.team import Team, leftovers, stage_of, times_made
 from aug3d_core.store.bucket import Bucket
 
 LOGS = {("one", "depth a"), ("two", "depth b")}
@@ -41,6 +45,19 @@ def test_a_thing_that_a_killed_worker_and_its_successor_both_made_was_made_twice
 def test_a_process_is_known_by_the_15_characters_that_the_kernel_keeps() -> None:
     names = {"aug3d depth": "depth", "aug3d evaluatio": "evaluation", "aug3d": "", "python": "", "aug3d up": ""}
     assert {name: stage_of(SimpleNamespace(name=lambda n=name: n)) for name in names} == names  # type: ignore[arg-type]
+
+
+def test_what_still_runs_for_a_home_is_told_until_it_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waits = [sys.executable, "-c", "import sys; sys.stdin.read()"]
+    own = {**os.environ, "PREFECT_HOME": str(tmp_path / "prefect")}
+    with subprocess.Popen(waits, stdin=subprocess.PIPE, env=own) as ours:
+        with monkeypatch.context() as at_once:
+            at_once.setattr(team, "_GONE_S", 0.0)
+            assert leftovers(tmp_path / "another") == []
+            assert leftovers(tmp_path) == [" ".join(waits)]
+        assert ours.stdin
+        ours.stdin.close()
+        assert leftovers(tmp_path) == []
 
 
 def test_a_store_that_is_away_answers_nothing_and_then_has_what_it_had(
