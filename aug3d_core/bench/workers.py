@@ -22,7 +22,7 @@ from aug3d_core.studies.common.trial import Say
 
 TOWNS = 6
 AWAY_S = 60.0
-WHOLE = 5  # depth maps of the victim: the last of them at the moment of the kill, of 15 in all
+WHOLE = 6  # depth maps of the victim, of 15: its two processes end theirs soon after one another, so two are new
 LONG_DEPTH = {"depth": {"max_px": 320}}  # long enough to be killed in
 _TAKEOVER_S = 120.0
 _SHARD = f"{RAW}/[!.]*.planes"  # is written last of what there is of a depth map
@@ -44,8 +44,7 @@ class Takeover:
     """What came of a town whose worker was killed.
 
     seconds: from the kill until the other worker begins to make the same object. whole, lost: depth maps that were whole in
-    the victim's home when nothing of it lived any more, and those among them that the other did not get. run: as Prefect
-    has it in the end.
+    the victim's home at the kill, and those among them that the other did not get. run: as Prefect has it in the end.
     """
 
     victim: str
@@ -90,7 +89,8 @@ def takeover_figures(folder: Path, say: Say) -> dict[str, Figure]:
     """Kill one of two workers in depth, at a bad moment: just as a depth map is whole, which nobody else has yet.
 
     A lost shard is a depth map that was whole in the victim's home and that the other worker had to make again. What the
-    victim had begun and not finished, one map for each of its two processes, was never there, and is not counted.
+    victim had begun and not finished, one map for each of its two processes, was never there, and is not counted; nor is what
+    these made in the seconds that they outlived their worker, which a power cut would not give them.
     """
     found = takeover(folder / "kill", "depth", say, WHOLE)
     return {
@@ -157,9 +157,9 @@ def takeover(folder: Path, stage: str, say: Say, whole: int = 0) -> Takeover:
         members.start("beside", on=other)
         members.wait(lambda: stage in members.stages(victim), 900, f"{victim} makes {stage}")
         members.wait(lambda: len(_shards(folder / victim)) >= whole, 600, f"{whole} depth maps are made", every_s=0.05)
-        killed = time.monotonic()
+        there, killed = _shards(folder / victim), time.monotonic()
         members.kill(victim)
-        key, there = _begun(folder / victim, stage), _shards(folder / victim)
+        key = _begun(folder / victim, stage)
         say("kill -9", 1, 3, f"waiting until {other} takes over")
         members.wait(lambda: _has_taken(folder / other, stage, key), 300, f"{other} makes {stage} {key}", every_s=0.1)
         seconds = time.monotonic() - killed
