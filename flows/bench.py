@@ -86,8 +86,7 @@ def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_j
         figures: dict[str, Figure] = {}
         for part in (city, coverage, rendering, buildings, grouping):
             found = part.figures(store, scene, say)
-            for name, figure in found.items():
-                console.print(f"{name}: {_value(figure)} {figure.unit}", style="dim", highlight=False)
+            _tell(found, console)
             figures |= found
         return Measurement(figures)
 
@@ -167,17 +166,38 @@ def bench_generalisation(
 
 
 @bench.command("machines")
-def bench_machines(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+def bench_machines(
+    home: Home = HOME,
+    preset: Preset = "tiny",
+    workers: Annotated[
+        bool,
+        typer.Option(
+            "--workers",
+            help="Also make small towns with one worker and two, kill one, and let their store go away (about 40 minutes).",
+        ),
+    ] = False,
+    set_: Set = [],
+    as_json: AsJson = False,
+) -> None:
     """A store that several machines share beside a local folder: time, requests and bytes (twice the demo's time).
 
-    At the service that AUG3D_STORE names; without it at moto's server, if that is installed.
+    At the service that AUG3D_STORE names; without it at moto's server, if that is installed. --workers: how much faster two
+    workers are, what is made twice, how soon another takes over from one that was killed and what it makes again, how soon
+    work goes on after the store was away. Nothing else should run on the machine then: each worker has one core.
     """
 
     def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
         from aug3d_core.bench import machines
+        from aug3d_core.bench.workers import PARTS
 
         where = os.environ.get(SHARED_VARIABLE, "").strip() or "moto's server"
-        return Measurement(machines.figures(store, scene, say), {"measured_at": where})
+        found = machines.figures(store, scene, say)
+        figures = dict(found)
+        for part in PARTS if workers else ():
+            _tell(found, console)  # a part that fails ends the benchmark, after a long time
+            found = part(store.root / "teams", say)
+            figures |= found
+        return Measurement(figures, {"measured_at": where})
 
     _bench("machines", home, preset, set_, as_json, measure)
 
@@ -252,6 +272,11 @@ def _saying(status: Any) -> Say:
         status.update(f"{stage}: {done} of {total} {what}")
 
     return say
+
+
+def _tell(figures: Mapping[str, Figure], console: Console) -> None:
+    for name, figure in figures.items():
+        console.print(f"{name}: {_value(figure)} {figure.unit}", style="dim", highlight=False)
 
 
 def _value(figure: Figure) -> str:

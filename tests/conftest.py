@@ -17,7 +17,6 @@ from filelock import FileLock
 from jaxtyping import install_import_hook
 
 import tests.shapes  # noqa: F401  (the hook below looks it up by name)
-from tests.journeys.small_town import OVERRIDES
 
 pytest_plugins = ("tests.processes", "tests.shared_stores", "tests.skips")
 
@@ -136,6 +135,8 @@ def small_town(own_environment: None, tmp_path_factory: pytest.TempPathFactory) 
 
     Only the tests of one process may use the home: they go on with it.
     """
+    from aug3d_core.bench.small_town import OVERRIDES
+
     folder = tmp_path_factory.getbasetemp()
     folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
     home, told = folder / "small_town", folder / "small_town.json"

@@ -7,7 +7,7 @@ from itertools import count
 
 import pytest
 
-from tests.store.s3_service import BUCKET, KEYS, s3_service
+from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 
 _number = count()
 

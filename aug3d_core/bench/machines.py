@@ -5,26 +5,20 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-import socket
-import subprocess
-import sys
 import time
-import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.util import find_spec
 
 from aug3d_core.bench.figure import Figure, at_most
+from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, walk
-from aug3d_core.run.errors import UsageError
 from aug3d_core.store.layout import SHARED_VARIABLE
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 from aug3d_core.store.traffic import Traffic
 from aug3d_core.studies.common.trial import Measured, Say, directly
 
-_BUCKET = "bench"
 _MIB = 2**20
 
 
@@ -112,37 +106,13 @@ def _service() -> Iterator[str]:
     if url := os.environ.get(SHARED_VARIABLE, "").strip():
         yield f"{url.rstrip('/')}/bench-{secrets.token_hex(4)}"
         return
-    if find_spec("moto") is None:
-        raise UsageError(
-            "there is no S3 service to measure, and moto, which could be one, is not installed",
-            f"set {SHARED_VARIABLE}=s3://BUCKET/PREFIX and its keys, or install aug3d with its tests' requirements",
-        )
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"http://127.0.0.1:{port}"
-    mine = {"AWS_ENDPOINT_URL": address, "AWS_ACCESS_KEY_ID": "bench", "AWS_SECRET_ACCESS_KEY": "bench"}
-    before = {name: os.environ.get(name) for name in mine}
-    command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+    with s3_service() as address:
+        mine = {**KEYS, "AWS_ENDPOINT_URL": address}
+        before = {name: os.environ.get(name) for name in mine}
         try:
-            _make_bucket(f"{address}/{_BUCKET}")
             os.environ |= mine
-            yield f"s3://{_BUCKET}/town"
+            yield f"s3://{BUCKET}/town"
         finally:
             for name, value in before.items():
                 os.environ.pop(name, None)
                 os.environ |= {name: value} if value is not None else {}
-            server.kill()
-
-
-def _make_bucket(address: str, patience_s: float = 60.0) -> None:
-    until = time.monotonic() + patience_s
-    while True:
-        try:
-            urllib.request.urlopen(urllib.request.Request(address, method="PUT"), timeout=patience_s).close()
-            return
-        except OSError:
-            if time.monotonic() > until:
-                raise
-            time.sleep(0.1)

@@ -11,6 +11,7 @@ import secrets
 import shutil
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
@@ -20,7 +21,9 @@ from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.bucket import Bucket
 
-PERIOD_S = 5.0
+# What is whole is shared at once, so that little is lost with its maker; a look costs this machine a list of a folder. A look
+# for what others share costs a request.
+PUT_S, TAKE_S = 1.0, 5.0
 
 
 @contextmanager
@@ -36,12 +39,7 @@ def handing_over(
     exchange = _Exchange(bucket, name, folder, shards)
     exchange.begin()
 
-    def look() -> None:
-        exchange.put(owner=True)
-        if helped:
-            exchange.take()
-
-    with _again_and_again(look):
+    with _again_and_again(lambda: exchange.put(owner=True), exchange.take if helped else None):
         yield exchange.spent_by_others
     with suppress(StoreError):  # what is left is no more than in the way
         bucket.delete([*bucket.names(exchange.top), *bucket.names(exchange.costs)])
@@ -56,11 +54,7 @@ def helping(bucket: Bucket, name: str, folder: Path, shards: Sequence[str]) -> I
     exchange = _Exchange(bucket, name, folder, shards)
     exchange.begin()
 
-    def look() -> None:
-        exchange.put(owner=False)
-        exchange.take()
-
-    with _again_and_again(look):
+    with _again_and_again(lambda: exchange.put(owner=False), exchange.take):
         yield exchange.tell_spent
     exchange.put(owner=False)
 
@@ -148,14 +142,18 @@ class _Exchange:
 
 
 @contextmanager
-def _again_and_again(look: Callable[[], None]) -> Iterator[None]:
-    """Do something every few seconds, from a thread, until the block ends."""
+def _again_and_again(put: Callable[[], None], take: Callable[[], None] | None) -> Iterator[None]:
+    """Put what is new here, and more seldom take what is new there, from a thread, until the block ends."""
     done = threading.Event()
 
     def work() -> None:
-        while not done.wait(PERIOD_S):
+        took_s = time.monotonic()
+        while not done.wait(PUT_S):
             with suppress(StoreError, OSError):  # the store is away, or a file went meanwhile: the next time
-                look()
+                put()
+                if take and time.monotonic() - took_s >= TAKE_S:
+                    take()
+                    took_s = time.monotonic()
 
     working = threading.Thread(target=work, daemon=True)
     working.start()

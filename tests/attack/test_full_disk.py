@@ -15,8 +15,9 @@ from typing import Any
 
 import pytest
 
+from aug3d_core.bench.team import leftovers
 from aug3d_core.store import layout
-from tests.attack.town_process import ORDER, TownRun, damaged, digests, leftovers, made
+from tests.attack.town_process import ORDER, TownRun, damaged, digests, made
 from tests.photos.photo_files import write_photo
 from tests.tests_support import fill
 

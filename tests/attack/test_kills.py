@@ -14,7 +14,8 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.attack.town_process import ORDER, TownRun, damaged, digests, leftovers
+from aug3d_core.bench.team import leftovers
+from tests.attack.town_process import ORDER, TownRun, damaged, digests
 
 BEGINNING, END, BETWEEN = (
     "beginning",

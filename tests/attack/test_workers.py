@@ -9,59 +9,34 @@ from pathlib import Path
 
 import pytest
 
+from aug3d_core.bench.team import leftovers, team
+from aug3d_core.bench.workers import TOWNS, WHOLE, batch, takeover
 from aug3d_core.run.files import LOG
-from aug3d_core.store.hand_over import PERIOD_S
 from aug3d_core.store.layout import STUDIES, STUDY_PAGE
-from tests.attack.town_process import leftovers
-from tests.journeys.team import Team, team
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(4 * 3600)]
 WITHIN_S = 120.0
-TOWNS = 6
 
 
 @pytest.mark.attack
 @pytest.mark.parametrize("stage", ["town", "matching", "depth", "training"])
 def test_another_worker_takes_over_what_a_killed_one_did(stage: str, own_environment: None, tmp_path: Path) -> None:
-    longer = {"depth": {"max_px": 320}} if stage == "depth" else {}
-    with team(tmp_path, {"town": longer}, ("one", "two")) as workers:
-        batch = workers.start_all()
-        workers.wait(lambda: bool(workers.at_work(stage)), 900, f"{stage} is being made")
-        [victim] = workers.at_work(stage)
-        if stage == "depth":
-            shards = tmp_path / victim / "work" / "depth"
-            workers.wait(lambda: len([*shards.glob("*/files/raw/*.planes")]) >= 4, 300, "some depth maps are made")
-            time.sleep(PERIOD_S + 1)  # they are shared
-        assert workers.at_work(stage) == [victim]
-        workers.kill(victim)
-        killed, other = time.monotonic(), "two" if victim == "one" else "one"
-        workers.wait(lambda: other in name_of_worker(workers), 300, f"{other} takes over")
-        # what was handed over may leave it little to do
-        workers.wait(lambda: bool(workers.at_work(stage)) or workers.has_made(stage), 300, f"{other} makes {stage}")
-        seconds = time.monotonic() - killed
-        print(f"\n{stage}: at work again after {seconds:.0f} s")
-        assert seconds < WITHIN_S
-        assert leftovers(tmp_path / victim) == []
-        workers.end_of(batch, 1800)
-        run = workers.scenes()["town"]
-        assert (run["state"]["name"], run["run_count"]) == ("Published", 2), run["state"]["message"]
-        assert set(workers.made().values()) == {1}
+    found = takeover(tmp_path / "team", stage, say, WHOLE if stage == "depth" else 0)
+    print(f"\n{stage}: at work again after {found.seconds:.0f} s; lost {found.lost} of {found.whole} depth maps")
+    assert found.seconds < WITHIN_S
+    assert leftovers(tmp_path / "team" / found.victim) == []
+    assert (found.run["state"]["name"], found.run["run_count"]) == ("Published", 2), found.run["state"]["message"]
+    assert set(found.made.values()) == {1}
 
 
 @pytest.mark.parametrize("number", [3, 2, 1])
 def test_workers_make_each_object_once(number: int, own_environment: None, tmp_path: Path) -> None:
-    """The seconds are told, not judged: with a core each, and nothing beside them, two workers are what two machines are."""
-    cores = sorted(os.sched_getaffinity(0))
-    towns = {f"town{seed}": {"town": {"seed": seed}} for seed in range(TOWNS)}
-    with team(tmp_path, towns, ()) as workers:
-        for place in range(number):
-            workers.join(f"worker{place}", cores[place % len(cores)])
-        started, batch = time.monotonic(), workers.start_all()
-        ended = workers.end_of(batch, 3 * 3600)
-        print(f"\n{TOWNS} towns, {number} workers: {time.monotonic() - started:.0f} s")
-        assert ended["message"] == f"{TOWNS} scenes are up to date"
-        assert set(workers.made().values()) == {1}
-        assert len({run["labels"]["prefect.worker.name"] for run in workers.scenes().values()}) == number
+    """The seconds are told, not judged: `aug3d bench machines --workers` compares them."""
+    found = batch(tmp_path / "team", TOWNS, number, say)
+    print(f"\n{TOWNS} towns, {number} workers: {found.seconds:.0f} s")
+    assert found.message == f"{TOWNS} scenes are up to date"
+    assert set(found.made.values()) == {1}
+    assert len(found.workers) == number
 
 
 def test_a_study_is_spread_over_all_machines(own_environment: None, tmp_path: Path) -> None:
@@ -99,5 +74,5 @@ def test_an_idle_machine_helps_with_a_step_that_takes_long(own_environment: None
     assert len(digests) == 1
 
 
-def name_of_worker(workers: Team) -> str:
-    return str(workers.scenes()["town"]["labels"].get("prefect.worker.name", ""))
+def say(stage: str, done: int, total: int, what: str) -> None:
+    print(f"{stage}: {done} of {total} {what}")

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import psutil
 
+from aug3d_core.bench.small_town import OVERRIDES
+from aug3d_core.bench.team import stage_of
 from aug3d_core.factory.stages import FROM_TOWN
 from aug3d_core.run.files import LOG
 from aug3d_core.store import layout
-from tests.journeys.small_town import OVERRIDES
 from tests.tests_support import words_of
 
 ORDER = [stage.name for stage in FROM_TOWN]
-_NAMED = "aug3d "  # how a stage's process calls itself, of which the kernel keeps 15 characters
 _LOOK_S = 0.05
-_GONE_S = 60.0  # until nothing of a run that ended may live
 
 
 class TownRun:
@@ -133,35 +131,8 @@ def damaged(home: Path) -> list[str]:
     return [f"damaged: {one}" for one in json.loads(looked.stdout)["damaged"]]
 
 
-def leftovers(home: Path) -> list[str]:
-    """Return the commands that still run for a home: stages, renderers, Prefect's server. They may take a minute to end."""
-    deadline = time.monotonic() + _GONE_S
-    while alive := list(_working_for(home)):
-        if time.monotonic() > deadline:
-            return [" ".join(words_of(process)) for process in alive]
-        time.sleep(0.2)
-    return []
-
-
 def _lives(process: psutil.Process) -> bool:
     try:
         return process.status() != psutil.STATUS_ZOMBIE
     except psutil.Error:
         return False
-
-
-def stage_of(process: psutil.Process) -> str:
-    try:
-        name = process.name()
-    except psutil.Error:
-        return ""
-    named = name.removeprefix(_NAMED)
-    return next((stage for stage in ORDER if name != named and stage.startswith(named)), "")
-
-
-def _working_for(home: Path) -> Iterator[psutil.Process]:
-    for process in psutil.process_iter():
-        with suppress(psutil.Error):
-            mine = process.environ().get("PREFECT_HOME") == str(home / layout.PREFECT)
-            if process.pid != os.getpid() and mine and _lives(process):
-                yield process

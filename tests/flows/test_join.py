@@ -11,6 +11,7 @@ from threading import Thread
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import REGISTRY, write_scene
@@ -20,7 +21,6 @@ from aug3d_core.store.store import Store
 from flows.cli import app
 from flows.join import check, joined
 from tests.flows.guarded_server import SECRET, guarded_server
-from tests.store.s3_service import BUCKET, KEYS, s3_service
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.bench.s3_service import KEYS
 from aug3d_core.factory.config import scene_config
 from aug3d_core.report.reads import read_of
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.record import read_record
 from flows.cli import app
 from tests.flows.stand_in import Stages, make_of_few
-from tests.store.s3_service import KEYS
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 

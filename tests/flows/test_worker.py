@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 
+from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, remove_scene, scene_file, write_scene
 from aug3d_core.scene_files.mirror import bring
 from aug3d_core.scene_files.schedule import Schedule
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
-from tests.store.s3_service import BUCKET, KEYS, s3_service
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 

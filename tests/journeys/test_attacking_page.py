@@ -25,8 +25,8 @@ import pytest
 import yaml
 from playwright.sync_api import BrowserContext, Page, expect, sync_playwright
 
+from aug3d_core.bench.small_town import SETTINGS
 from tests.infra.postgres import free_port
-from tests.journeys.small_town import SETTINGS
 from tests.journeys.test_daily_use import post
 from tests.tests_support import hear_signals, words_of
 

@@ -24,8 +24,8 @@ import yaml
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as NoAnswer
 
+from aug3d_core.bench.small_town import SETTINGS
 from aug3d_core.store import layout
-from tests.journeys.small_town import SETTINGS
 from tests.tests_support import hear_signals, words_of
 
 CHROMIUM = shutil.which("chromium")

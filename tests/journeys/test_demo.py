@@ -14,13 +14,14 @@ from typing import Any
 
 import pytest
 
+from aug3d_core.bench.small_town import OVERRIDES
+from aug3d_core.bench.team import leftovers
 from aug3d_core.factory.stages import FROM_TOWN, STAGES
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.metric import spec_of
 from aug3d_core.store.scenes import DIGESTS
 from aug3d_core.store.seal import SEAL
-from tests.attack.town_process import begun, digests, leftovers
-from tests.journeys.small_town import OVERRIDES
+from tests.attack.town_process import begun, digests
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 

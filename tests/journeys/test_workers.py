@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
+from aug3d_core.bench.s3_service import KEYS
+from aug3d_core.bench.team import Team, leftovers, team
 from aug3d_core.factory.stages import FROM_TOWN
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.report.reads import read_of
 from aug3d_core.run.files import FILES
 from aug3d_core.store.record import read_record
-from tests.attack.town_process import digests, leftovers
-from tests.journeys.team import Team, team
+from tests.attack.town_process import digests
 from tests.journeys.test_demo import computed, run
-from tests.store.s3_service import KEYS
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 SCENES = {f"town{number}": {"training": {"steps": 10 + number}} for number in range(3)}  # one town, three models

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
@@ -17,7 +18,6 @@ from aug3d_core.scene_files.mirror import bring, check_has_none_of_its_own, shar
 from aug3d_core.scene_files.schedule import Schedule
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
-from tests.store.s3_service import BUCKET, KEYS, s3_service
 
 BOTH = (REGISTRY, COLLECTIONS)
 

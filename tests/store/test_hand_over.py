@@ -18,7 +18,8 @@ SHARDS = ("raw/[!.]*", "checkpoint/*.pt")
 
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hand_over, "PERIOD_S", 0.1)
+    for pause in ("PUT_S", "TAKE_S"):
+        monkeypatch.setattr(hand_over, pause, 0.1)
 
 
 def write(folder: Path, name: str, content: str, time_s: int = 0) -> None:
@@ -56,6 +57,20 @@ def test_shards_of_a_machine_that_died_are_gone_on_with(tmp_path: Path, bucket: 
     with handing_over(place, "depth/k", two, SHARDS):
         assert files(two) == {"raw/a": "map", "checkpoint/2.pt": "next state"}
     assert place.names("work/") == []
+
+
+def test_what_is_whole_is_shared_at_once_though_others_are_seldom_asked(
+    tmp_path: Path, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever makes a shard in three seconds loses one when it is killed, not what five seconds hold."""
+    monkeypatch.setattr(hand_over, "TAKE_S", 3600.0)
+    place, other = Bucket(bucket), Bucket(bucket)
+    with handing_over(place, "depth/k", tmp_path / "files", SHARDS, helped=True):
+        asked = place.tally.traffic().requests.get("list", 0)
+        for name in ("a", "b"):
+            write(tmp_path / "files", f"raw/{name}", "map")
+            wait_for(lambda name=name: other.has(f"work/depth/k/raw/{name}"))
+        assert place.tally.traffic().requests.get("list", 0) == asked
 
 
 def test_what_this_machine_has_of_it_is_what_it_goes_on_with(tmp_path: Path, bucket: str) -> None:

@@ -10,10 +10,10 @@ import boto3
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store.store import Store
 from flows.cli import app
-from tests.store.s3_service import BUCKET, KEYS, s3_service
 from tests.store.test_store import commit
 
 READING = {

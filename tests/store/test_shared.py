@@ -12,6 +12,7 @@ from typing import ClassVar
 import obstore
 import pytest
 
+from aug3d_core.bench.s3_service import KEYS, s3_service
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import FILES, LOG
 from aug3d_core.store import bucket as bucket_module
@@ -33,7 +34,6 @@ from aug3d_core.store.scenes import (
     write_metrics,
 )
 from aug3d_core.store.store import Store
-from tests.store.s3_service import KEYS, s3_service
 from tests.store.test_store import FIELDS, commit
 from tests.tests_support import flip
 
