@@ -31,7 +31,9 @@ from flows.pool import (
     PoolWorker,
     again_and_again,
     begin,
+    machine,
     make_pool,
+    make_queue,
     watch_cancelled,
     watch_leases,
     work_until_ended,
@@ -59,6 +61,7 @@ def main() -> None:
 async def _work(store: Store) -> None:
     async with get_client() as client:
         await make_pool(client)
+        await make_queue(client, machine(store))
         async for deployment in of_everything():
             await deployment.aapply()
         known = await register(store, None)
@@ -66,7 +69,10 @@ async def _work(store: Store) -> None:
         await one_of_the_missed(client, store)
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
-    workers = PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE), PoolWorker(store, (BATCH,), 1)
+    workers = (
+        PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE, own=True),
+        PoolWorker(store, (BATCH,), 1),
+    )
     watches = watch_cancelled(store), watch_leases(store), watch_stranded(store, workers)
     services = _watch_registry(store, known), tell_mlflow(store), *watches
     await work_until_ended(*services, *(worker.start() for worker in workers))

@@ -307,6 +307,38 @@ def test_what_is_registered_is_known_to_other_machines_and_goes_to_its_queue(
     assert run(register(store, None)) and run(deployments())["light"].work_queue_name == "cpu"
 
 
+def test_the_machine_of_the_pages_takes_what_it_is_asked_for_by_name(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others ask it for shares of studies and for help as they ask any machine that takes runs: by its own queue."""
+    from flows import worker
+    from flows.pool import POOL, machine, queues_of
+
+    began: list[Any] = []
+
+    async def nothing(*services: Coroutine[Any, Any, Any]) -> None:
+        for service in services:
+            service.close()
+
+    async def watched() -> None:
+        """Watch nothing."""
+
+    monkeypatch.setattr(worker, "work_until_ended", nothing)
+    monkeypatch.setattr(worker, "watch_stranded", lambda _, workers: began.extend(workers) or watched())
+    monkeypatch.setattr(worker, "tell_ready", lambda home: None)
+    run(worker._work(store))
+
+    async def queues() -> set[str]:
+        from prefect.client.orchestration import get_client
+
+        async with get_client() as client:
+            return {queue.name for queue in await client.read_work_queues(work_pool_name=POOL)}
+
+    [first, _] = began
+    assert machine(store) in first._work_queues and "cpu" in queues_of(first.name)
+    assert machine(store) in run(queues())
+
+
 def test_what_cannot_be_reached_now_is_asked_again(
     store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
