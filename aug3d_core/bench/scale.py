@@ -130,7 +130,7 @@ def _of(store: Store, trial: Trial) -> tuple[Path, Path, Path]:
 
 def _expected(town: Measured, trials: Mapping[int, Trial]) -> dict[str, float]:
     """Return what each stage is estimated to take, by what this machine took for the smaller towns, or by a little work [s]."""
-    samples = [sample for trial in reversed(trials.values()) for sample in samples_of_records(trial.records)]
+    samples = [sample for trial in reversed(list(trials.values())) for sample in samples_of_records(trial.records)]
     size = size_of(Material(), town.config(), {})
     return {
         stage: cost.seconds.likely for stage, cost in estimate_of(town.config(), size, calibration_by(samples)).items()
