@@ -25,7 +25,6 @@ from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
 from aug3d_core.town.drone.flight import plan_flight
 
-SIZES = (60, 120, 250)
 # Small photographs, soon made; how a stage grows does not depend on their size
 SETTINGS = (
     "town.width_px=320",

@@ -51,7 +51,10 @@ def candidates(found: Int[np.ndarray, "n d"], wanted: Int[np.ndarray, " w"], mos
 def _typical(descriptors: Sequence[UInt8[np.ndarray, "_ 128"]], rng: np.random.Generator) -> Float[np.ndarray, "k 128"]:
     """Return typical descriptors, rounded: k-means of a sample."""
     each = max(_SAMPLE // max(len(descriptors), 1), 1)
-    drawn = [own[rng.permutation(len(own))[:each]] for own in _some(descriptors, rng)]
+    drawn = [
+        own[rng.permutation(len(own))[:each]]
+        for own in (descriptors[at] for at in rng.permutation(len(descriptors))[:_SAMPLE])
+    ]
     sample = np.concatenate(drawn).astype(np.float32) if drawn else np.zeros((0, 128), np.float32)
     typical = sample[rng.permutation(len(sample))[:_TYPICAL]]
     for _ in range(_ROUNDS):
@@ -63,12 +66,6 @@ def _typical(descriptors: Sequence[UInt8[np.ndarray, "_ 128"]], rng: np.random.G
             np.float32
         )
     return typical
-
-
-def _some(
-    descriptors: Sequence[UInt8[np.ndarray, "_ 128"]], rng: np.random.Generator
-) -> list[UInt8[np.ndarray, "_ 128"]]:
-    return [descriptors[at] for at in rng.permutation(len(descriptors))[:_SAMPLE]]
 
 
 def _nearest(of: Float[np.ndarray, "n 128"], typical: Float[np.ndarray, "k 128"]) -> Int[np.ndarray, " n"]:
