@@ -108,15 +108,17 @@ def _tuned(
 ) -> dict[str, Figure]:
     """Train on a scene for two minutes from the shipped weights, and for ten from random ones."""
     config = scene.config().training
-    few = _trained(store, _started(config, "towns", 20), {"dataset": data}, make)
+    few = _trained(store, _lasting(config.started("towns"), 20), {"dataset": data}, make)
     if few.failure:
         return {f"{name}_tuned": Figure(None, "dB", None, None, few.failure)}
     step_s = few.cpu_seconds(["training"]) / 20
     found: dict[str, Figure] = {}
     scores, minutes = {}, {}
-    for how, start, most in (("tuned", "towns", TUNED_MINUTES), ("scratch", "random", RANDOM_MINUTES)):
-        steps = max(int(60 * most / step_s), 1)
-        trial = _trained(store, _started(config, start, steps), {"dataset": data}, make)
+    for how, base, most in (
+        ("tuned", config.started("towns"), TUNED_MINUTES),
+        ("scratch", config.from_random(), RANDOM_MINUTES),
+    ):
+        trial = _trained(store, _lasting(base, max(int(60 * most / step_s), 1)), {"dataset": data}, make)
         if trial.failure:
             return {f"{name}_{how}": Figure(None, "dB", None, None, trial.failure)}
         scores[how] = _judged(store, [data], source_of(store, trial.records["training"]), make)
@@ -135,16 +137,9 @@ def _tuned(
     return found
 
 
-def _started(config: TrainingConfig, start: str, steps: int) -> TrainingConfig:
-    head = config.head.model_copy(update={"start": start})
-    return config.model_copy(
-        update={
-            "head": head,
-            "steps": steps,
-            "warmup_steps": min(config.warmup_steps, steps // 10),
-            "least_gain_db": 0.0,
-        }
-    )
+def _lasting(config: TrainingConfig, steps: int) -> TrainingConfig:
+    warmup_steps = min(config.warmup_steps, steps // 10)
+    return config.model_copy(update={"steps": steps, "warmup_steps": warmup_steps, "least_gain_db": 0.0})
 
 
 def _trained(store: Store, config: TrainingConfig, data: Mapping[str, Record], make: Make) -> Trial:
@@ -153,7 +148,7 @@ def _trained(store: Store, config: TrainingConfig, data: Mapping[str, Record], m
 
 def _by_towns(store: Store, scene: Measured, tests: Mapping[str, list[Record]], make: Make) -> dict[str, Figure]:
     """Train on ever more towns for as many steps, and judge on the photographs."""
-    config, found, packed = _started(scene.config().training, "random", TOWN_STEPS), {}, {}
+    config, found, packed = _lasting(scene.config().training.from_random(), TOWN_STEPS), {}, {}
     for name, work in town_works(max(TOWNS), 0, scene.config().dataset.width_px):
         built = make(Visit(Step(work.stage), work))
         assert built

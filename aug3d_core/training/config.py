@@ -47,6 +47,19 @@ class TrainingConfig(StageConfig):
     checkpoint_every: int = Field(default=200, ge=1, le=1_000_000, description="Steps between checkpoints [steps].")
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of weights, batches and samples.")
 
+    def started(self, start: str) -> TrainingConfig:
+        """Return how the head is trained from other first weights; one that has none to choose, as it is."""
+        if "start" not in type(self.head).model_fields:
+            return self
+        return self.model_copy(update={"head": self.head.model_copy(update={"start": start})})
+
+    def from_random(self) -> TrainingConfig:
+        """Return how a head that is meant to start from trained weights is trained from random ones: faster, and longer."""
+        if "start" not in type(self.head).model_fields:
+            return self
+        more = {"steps": 4 * self.steps, "warmup_steps": 4 * self.warmup_steps, "learning_rate": 2 * self.learning_rate}
+        return self.started("random").model_copy(update=more)
+
     @property
     def wanted(self) -> Wanted:
         """What a step sees."""

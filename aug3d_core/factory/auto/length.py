@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from aug3d_core.factory.auto.decision import Known
 from aug3d_core.factory.config import left_open
 from aug3d_core.run.stage import Decision
+from aug3d_core.training.config import TrainingConfig
+
+_SHORT = 1000  # steps: what ends a training early sees too little of a shorter one
 
 
 @dataclass(frozen=True)
@@ -58,23 +61,22 @@ class Length:
             return None
         return Decision(
             field="training.warmup_steps",
-            value=min(math.ceil(training.warmup_steps * decided / training.steps), training.warmup_steps),
+            value=math.ceil(training.warmup_steps * decided / training.steps),
             measured=f"{decided} steps",
-            rule=f"the share of them that the preset's {training.warmup_steps} are of its {training.steps}, never more than"
-            " those",
+            rule=f"the share of them that the preset's {training.warmup_steps} are of its {training.steps}",
         )
 
     def least_gain(self, known: Known) -> Decision | None:
         """Make all of few steps: what ends a long training early sees too little of a short one."""
-        decided, preset = self._decided(known), known.config.training.steps
+        decided = self._decided(known)
         if decided is None:
             return None
-        short = decided <= preset
+        short = decided <= _SHORT
         return Decision(
             field="training.least_gain_db",
-            value=0.0 if short else known.config.training.least_gain_db,
+            value=0.0 if short else TrainingConfig().least_gain_db,
             measured=f"{decided} steps",
-            rule=f"0 (all steps are made) up to the preset's {preset} steps; the preset's beyond",
+            rule=f"0 (all steps are made) up to {_SHORT:,} steps; the usual beyond",
             costs="steps that gain nothing; on the town one of 600 steps of PixelNeRF ended at 275, about 0.5 dB below those"
             " that went on"
             if short

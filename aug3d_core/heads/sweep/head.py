@@ -48,7 +48,10 @@ class SweepHead(Head):
         """Load the first weights that the settings name."""
         named = self.config.start
         if named == TOWNS and self.config.features != SHIPPED_FEATURES:
-            note = f"the shipped weights are of {SHIPPED_FEATURES} features, not {self.config.features}: random ones were taken"
+            note = (
+                f"the shipped weights are of {SHIPPED_FEATURES} features, not {self.config.features}: random ones were taken,"
+                " which need training.learning_rate=0.001 and training.steps=1200 or more"
+            )
             return Start(metrics={"started_with": RANDOM}, notes=(note,))
         if named != RANDOM:
             load_first_weights(self, named)

@@ -26,7 +26,7 @@ from aug3d_core.training.config import TrainingConfig
 
 Way = Literal["never seen", "tuned", "alone"]
 WAYS: tuple[Way, ...] = ("never seen", "tuned", "alone")
-TUNED_SHARE = 0.1  # of the steps
+TUNED_SHARE = 0.1  # of the steps from random weights
 FOLD_GROUPS = 1000  # what tells groups of folds apart, in one table
 
 
@@ -84,16 +84,16 @@ def make_cell(
     others = {name: source_of(store, record) for name, record in made.trained_on(without=arm.scene).items()}
     own = {arm.scene: source_of(store, next(iter(data.values())))}
     if arm.way == "alone":
-        trial = _trained(_started(config, "random"), own, make)
+        trial = _trained(config.from_random(), own, make)
     elif not others:
         trial = Trial({}, "there is no other scene, and no town, to train on", "refused")
     else:
         trial = _trained(config, others, make)
         if arm.way == "tuned" and not trial.failure:
             weights = store.file(trial.records[TRAINING.name], MODEL_WEIGHTS)
-            steps = max(round(TUNED_SHARE * config.steps), 1)
+            steps = max(round(TUNED_SHARE * config.from_random().steps), 1)
             tuning = {"steps": steps, "warmup_steps": min(config.warmup_steps, steps // 10), "least_gain_db": 0.0}
-            trial = _trained(_started(config, str(weights)).model_copy(update=tuning), own, make)
+            trial = _trained(config.started(str(weights)).model_copy(update=tuning), own, make)
     if trial.failure:
         return Generalised(cell, trial)
     judged = _judged(store, cell, entry.config(), data, trial, make)
@@ -135,12 +135,6 @@ def _config(config: SceneConfig, head: str, preset: str, seed: int) -> TrainingC
     if config.training.head.name != head:
         config = overridden(config, [f"training.head={head}"], preset)
     return config.training.model_copy(update={"seed": seed})
-
-
-def _started(config: TrainingConfig, start: str) -> TrainingConfig:
-    if "start" not in type(config.head).model_fields:
-        return config
-    return config.model_copy(update={"head": config.head.model_copy(update={"start": start})})
 
 
 def _trained(config: TrainingConfig, sources: Mapping[str, Source], make: Make) -> Trial:

@@ -29,10 +29,11 @@ HEADS = (
 )
 _METHOD = (
     "Each scene of the collection is left out in turn. never seen: trained on all other scenes and the towns. tuned: that"
-    " model, trained on the scene for a tenth of the steps. alone: trained on the scene from random weights for all steps. All"
-    " are judged on the scene's own test photographs, in every fold of a small scene, from the same inputs. Leads are paired"
-    " over photographs and seeds, with 95 % intervals: over the homography and the sweep without learning from the inputs"
-    " alone, over the mesh and the blend at its depth about the scaffold. The time of a tuned model is that of its tuning."
+    " model, trained on the scene for a tenth of the steps of a model alone. alone: trained on the scene from random weights,"
+    " four times as long as the others if these start from trained ones. All are judged on the scene's own test photographs,"
+    " in every fold of a small scene, from the same inputs. Leads are paired over photographs and seeds, with 95 % intervals:"
+    " over the homography and the sweep without learning from the inputs alone, over the mesh and the blend at its depth about"
+    " the scaffold. The time of a tuned model is that of its tuning."
     " foreseen: before any prediction the preview predicts photographs from the others, with a model that never saw the scene;"
     " its lead over the better of homography and sweep. It warns where that lead may be none. A model that is then no better"
     " on the test, without a warning, is a silent failure."

@@ -16,7 +16,14 @@ _LEARNING: Mapping[str, Mapping[str, object]] = {
     "grouping": {"gap_shared_share": 0.6},
     "sampling": {**_SIZE, "domes": 6},
     "dataset": _SIZE,
-    "training": {"head.planes": 16, "head.crop_px": 64, "steps": 200, "warmup_steps": 30, "least_gain_db": 0},
+    "training": {
+        "head.planes": 16,
+        "head.crop_px": 64,
+        "steps": 200,
+        "learning_rate": 1e-3,
+        "warmup_steps": 30,
+        "least_gain_db": 0,
+    },
     "evaluation": {"panels": 2, "flythrough_frames": 0},
 }
 # Nine input views need as many photographs of the block that is tested: forty in all, and one fold
