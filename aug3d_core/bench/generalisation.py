@@ -206,7 +206,7 @@ def reading(store: Store, scene: Measured, make: Make) -> dict[str, Figure]:
     sources = {
         f"scene{number:02d}": Source(path=top / str(number), digest=f"{name}{number}") for number in range(SCENES)
     }
-    config = _started(scene.config().training, "random", LOADED_STEPS)
+    config = _lasting(scene.config().training.from_random(), LOADED_STEPS)
     trial = tried([Visit(Step(TRAINING), built=make(Visit(Step(TRAINING), work_of(TRAINING, config, sources))))])
     shutil.rmtree(top)
     return {

@@ -15,10 +15,13 @@ from aug3d_core.run.errors import InputError
 _NUMBERS = itertools.count()
 
 
+USUAL_BYTES = 768 * 2**20  # some 2,000 views of 256 x 192 px
+
+
 class Cache:
     """Decoded views of any number of arrays, up to a limit of memory; what was asked for longest ago goes first."""
 
-    def __init__(self, limit_bytes: int) -> None:
+    def __init__(self, limit_bytes: int = USUAL_BYTES) -> None:
         self.limit_bytes = limit_bytes
         self.held_bytes = 0
         self._held: OrderedDict[tuple[int, int], np.ndarray] = OrderedDict()  # by array and view

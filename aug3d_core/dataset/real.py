@@ -13,6 +13,7 @@ from PIL import Image
 from aug3d_core.dataset.bounds import depths_in, near_far
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.on_demand import OnDemand
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
@@ -29,8 +30,8 @@ from aug3d_core.split.files import SPLIT_TABLE
 class RealViews:
     """The photographs of a scene at packed size; rows as in sfm's Views."""
 
-    images: UInt8[np.ndarray, "n h w 3"]
-    depth: Float16[np.ndarray, "n h w"]  # by stereo, of training photographs; 0 where it is not sure
+    images: UInt8[OnDemand, "n h w 3"]
+    depth: Float16[OnDemand, "n h w"]  # by stereo, of training photographs; 0 where it is not sure
     world_from_cam: Float[np.ndarray, "n 4 4"]
     intrinsics: Float[np.ndarray, "n 4"]
     near_far: Float[np.ndarray, "n 2"]
@@ -39,23 +40,23 @@ class RealViews:
 
 
 def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: DatasetConfig) -> RealViews:
-    """Shrink every registered photograph to packed size and measure its bounds."""
+    """Measure the bounds of every registered photograph; it is shrunk to packed size when it is asked for."""
     views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
     tracks = Tracks.load(sfm / TRACKS)
     size = (config.width_px, config.height_px)
     fits = [fit(int(w), int(h), *size) for w, h in views.size]
     world_from_cam = homogeneous(invert(views.cam_from_world))
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
-    images = np.stack([f.colour(photo(sfm, int(i))) for f, i in zip(fits, views.photo_id, strict=True)])
     bounds = [
         near_far(slab, world_from_cam[i], intrinsics[i], size, seen_depths(views, points, tracks, i))
         for i in range(len(views))
     ]
     splits = read_splits(grouping / SPLIT_TABLE, views)
     train = splits == SPLITS.index("train")
+    shape = (len(views), size[::-1])
     return RealViews(
-        images,
-        np.stack([_stereo(depth, int(i), config, known) for i, known in zip(views.photo_id, train, strict=True)]),
+        OnDemand(len(views), (*size[::-1], 3), np.uint8, lambda i: fits[i].colour(photo(sfm, int(views.photo_id[i])))),
+        OnDemand(*shape, np.float16, lambda i: _stereo(depth, int(views.photo_id[i]), config, bool(train[i]))),
         world_from_cam,
         intrinsics,
         np.array(bounds),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +14,22 @@ from jaxtyping import Float, Float16, Int, UInt8
 from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.on_demand import OnDemand
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.domes.files import CAMERAS
 from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
+
+Pixels = tuple[np.ndarray, np.ndarray, np.ndarray]  # colour, alpha, depth
+_HELD_VIEWS = 64  # in memory: what is written next to each other is asked for together
 
 
 @dataclass(frozen=True)
 class RenderedViews:
     """The renders of the domes that are still groups, dome after dome, each dome's K views in order of view_id."""
 
-    images: UInt8[np.ndarray, "m h w 3"]
-    alpha: UInt8[np.ndarray, "m h w"]
-    depth: Float16[np.ndarray, "m h w"]
+    images: UInt8[OnDemand, "m h w 3"]
+    alpha: UInt8[OnDemand, "m h w"]
+    depth: Float16[OnDemand, "m h w"]
     world_from_cam: Float[np.ndarray, "m 4 4"]
     intrinsics: Float[np.ndarray, "m 4"]
     near_far: Float[np.ndarray, "m 2"]
@@ -33,17 +39,8 @@ class RenderedViews:
 
 def no_rendered(config: DatasetConfig) -> RenderedViews:
     """Return what a data set of photographs alone holds of renders: nothing."""
-    size = (config.height_px, config.width_px)
-    return RenderedViews(
-        np.zeros((0, *size, 3), np.uint8),
-        np.zeros((0, *size), np.uint8),
-        np.zeros((0, *size), np.float16),
-        np.zeros((0, 4, 4)),
-        np.zeros((0, 4)),
-        np.zeros((0, 2)),
-        np.zeros(0, np.int32),
-        0,
-    )
+    none = {"world_from_cam": np.zeros((0, 4, 4)), "intrinsics": np.zeros((0, 4)), "near_far": np.zeros((0, 2))}
+    return RenderedViews(*_on_demand(0, config, _nothing), **none, dome_id=np.zeros(0, np.int32), domes_dropped=0)
 
 
 def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, config: DatasetConfig) -> RenderedViews:
@@ -55,17 +52,27 @@ def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, con
     order = np.argsort(cameras["view_id"])
     rows = order[np.searchsorted(cameras["view_id"], np.asarray(kept["view_id"]), sorter=order)]
     fits = [fit(int(w), int(h), config.width_px, config.height_px) for w, h in cameras["size"][rows]]
-    pixels = [f.covered(*arrays) for f, arrays in zip(fits, _renders(rendering, kept), strict=True)]
+    shards, places = np.asarray(kept["shard"], int), np.asarray(kept["row"], int)
+
+    @lru_cache(maxsize=2)
+    def shard(number: int) -> dict[str, np.ndarray]:
+        with np.load(rendering / SHARDS / shard_name(number), allow_pickle=False) as file:
+            return {name: file[name] for name in ("rgb", "alpha", "depth")}
+
+    @lru_cache(maxsize=_HELD_VIEWS)
+    def pixels(view: int) -> Pixels:
+        arrays, row = shard(int(shards[view])), places[view]
+        return fits[view].covered(arrays["rgb"][row], arrays["alpha"][row], arrays["depth"][row].astype(np.float32))
+
     world_from_cam = cameras["world_from_cam"][rows].astype(np.float64)
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, cameras["intrinsics"][rows], strict=True)])
     size = (config.width_px, config.height_px)
-    bounds = [
-        near_far(slab, w, k, size, d[d > 0]) for w, k, (_, _, d) in zip(world_from_cam, intrinsics, pixels, strict=True)
-    ]
+    bounds = []
+    for view in range(len(kept)):
+        depth = pixels(view)[2]
+        bounds.append(near_far(slab, world_from_cam[view], intrinsics[view], size, depth[depth > 0]))
     return RenderedViews(
-        _stack([p[0] for p in pixels], (*size[::-1], 3), np.uint8),
-        _stack([p[1] for p in pixels], size[::-1], np.uint8),
-        _stack([p[2] for p in pixels], size[::-1], np.float16),
+        *_on_demand(len(kept), config, pixels),
         world_from_cam.reshape(-1, 4, 4),
         intrinsics.reshape(-1, 4),
         np.array(bounds).reshape(-1, 2),
@@ -82,16 +89,16 @@ def _whole_domes(table: pd.DataFrame, members: int) -> pd.DataFrame:
     return seen.iloc[np.concatenate(rows) if rows else []]
 
 
-def _renders(rendering: Path, table: pd.DataFrame):
-    """Yield (colour, alpha, depth) of each row of the render table; each shard is opened once."""
-    shards: dict[int, dict[str, np.ndarray]] = {}
-    for shard in sorted(table["shard"].unique()):
-        with np.load(rendering / SHARDS / shard_name(int(shard)), allow_pickle=False) as file:
-            shards[shard] = {name: file[name] for name in ("rgb", "alpha", "depth")}
-    for shard, row in zip(table["shard"], table["row"], strict=True):
-        arrays = shards[shard]
-        yield arrays["rgb"][row], arrays["alpha"][row], arrays["depth"][row].astype(np.float32)
+def _on_demand(
+    count: int, config: DatasetConfig, pixels: Callable[[int], Pixels]
+) -> tuple[OnDemand, OnDemand, OnDemand]:
+    size = (config.height_px, config.width_px)
+    return (
+        OnDemand(count, (*size, 3), np.uint8, lambda view: pixels(view)[0]),
+        OnDemand(count, size, np.uint8, lambda view: pixels(view)[1]),
+        OnDemand(count, size, np.float16, lambda view: pixels(view)[2]),
+    )
 
 
-def _stack(arrays: list[np.ndarray], shape: tuple[int, ...], dtype: type) -> np.ndarray:
-    return np.stack(arrays).astype(dtype) if arrays else np.zeros((0, *shape), dtype)
+def _nothing(view: int) -> Pixels:
+    raise IndexError(view)

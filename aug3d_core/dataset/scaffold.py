@@ -6,11 +6,13 @@ at test time the support photographs are there, and no pixel of a target reaches
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Float16
 
+from aug3d_core.dataset.on_demand import OnDemand
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import invert
@@ -23,13 +25,17 @@ def scaffold_depth(
     world_from_cam: Float[np.ndarray, "n 4 4"],
     intrinsics: Float[np.ndarray, "n 4"],
     size_px: tuple[int, int],
-) -> Float16[np.ndarray, "n h w"]:
+) -> Float16[OnDemand, "n h w"]:
     """Return the depth along z of the mesh that each photograph may know; 0 where it has a hole."""
-    depth = np.zeros((len(train), *size_px[::-1]), np.float16)
-    for name, chosen in ((MESH, train), (BASELINE_MESH, ~train)):
+
+    @cache
+    def caster(name: str) -> Raycaster:
         mesh = Mesh.load(surface / name)
-        caster = Raycaster(mesh.xyz, mesh.triangles)
-        for view in np.flatnonzero(chosen):
-            hits = caster.view(invert(world_from_cam[view, :3]), intrinsics[view], np.array(size_px))
-            depth[view] = np.where(hits.triangle >= 0, hits.distance, 0)
-    return depth
+        return Raycaster(mesh.xyz, mesh.triangles)
+
+    def depth(view: int) -> np.ndarray:
+        seen_by = caster(MESH if train[view] else BASELINE_MESH)
+        hits = seen_by.view(invert(world_from_cam[view, :3]), intrinsics[view], np.array(size_px))
+        return np.where(hits.triangle >= 0, hits.distance, 0)
+
+    return OnDemand(len(train), size_px[::-1], np.float16, depth)

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, Float16, Int, UInt8
 
+from aug3d_core.dataset.on_demand import OnDemand
 from aug3d_core.dataset.on_disk import OnDisk
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.run.errors import InputError
 
-# In memory, or read view by view: whoever indexes them need not know
+# In memory, or read or made view by view: whoever indexes them need not know
 if TYPE_CHECKING:
     Pictures = np.ndarray
 else:
-    Pictures = np.ndarray | OnDisk
+    Pictures = np.ndarray | OnDisk | OnDemand
 
 REAL, RENDERED = 0, 1
 SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`

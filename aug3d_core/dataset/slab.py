@@ -75,8 +75,10 @@ def _ground_plane(points_in_world: Float[np.ndarray, "p 3"], rounds: int = 100) 
     spread = np.std(xyz[:, 2]) + 1e-9
     plane = np.array([0.0, 0.0, np.quantile(xyz[:, 2], GROUND_QUANTILE)])
     for _ in range(rounds):
-        residual = xyz[:, 2] - design @ plane
+        residual = xyz[:, 2] - (plane[0] * xyz[:, 0] + plane[1] * xyz[:, 1] + plane[2])
         weight = np.where(residual > 0, GROUND_QUANTILE, 1 - GROUND_QUANTILE) / np.maximum(abs(residual), 0.01 * spread)
-        plane = np.linalg.lstsq(design * weight[:, None] ** 0.5, xyz[:, 2] * weight**0.5, rcond=None)[0]
+        # Without BLAS: the same bits on any number of cores
+        square = np.einsum("pi,pj->ij", design * weight[:, None], design)
+        plane = np.linalg.lstsq(square, np.einsum("pi,p->i", design, weight * xyz[:, 2]), rcond=None)[0]
     a, b, c = plane
     return float(a), float(b), float(c + middle[2] - a * middle[0] - b * middle[1])

@@ -19,6 +19,7 @@ from aug3d_core.dataset.contact import save_contact_sheet
 from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
 from aug3d_core.dataset.images import CONVENTION, fit
 from aug3d_core.dataset.leaks import Check, Sight, audit, report
+from aug3d_core.dataset.on_demand import OnDemand, joined
 from aug3d_core.dataset.real import RealViews, pack_real
 from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendered
 from aug3d_core.dataset.scaffold import scaffold_depth
@@ -69,9 +70,7 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
     slab = slab_of(points.xyz, config.outlier_share, config.margin_share)
     with np.load(inputs["grouping"] / GROUPS, allow_pickle=False) as file:
         members, test_members = file["members"], file["test_members"]
-    progress(0, 4, "photographs")
     real = pack_real(inputs["sfm"], inputs["grouping"], inputs["depth"], slab, config)
-    progress(1, 4, "renders")
     rendered = (
         pack_rendered(inputs["sampling"], inputs["rendering"], members.shape[1], slab, config)
         if "rendering" in inputs
@@ -88,11 +87,10 @@ def run(inputs: Mapping[str, Path], config: DatasetConfig, out: Path, progress: 
         )
     scene.attributes["leak_audit"] = report(checks, scene, sources)
     (out / LEAK_AUDIT).write_text(json.dumps(scene.attributes["leak_audit"], indent=1))
-    progress(2, 4, "writing")
-    write(check(scene, SCENE_ZARR), out / SCENE_ZARR, config.shard_views)
-    progress(3, 4, "contact sheet")
+    write(
+        check(scene, SCENE_ZARR), out / SCENE_ZARR, config.shard_views, lambda done: progress(done, len(scene), "views")
+    )
     save_contact_sheet(scene, out / "contact_sheet.png")
-    progress(4, 4, "done")
     return _outcome(scene, checks, real, rendered, "rendering" in inputs, out)
 
 
@@ -106,16 +104,16 @@ def _assemble(
     groups: dict[str, np.ndarray],
 ) -> Scene:
     n, m, k = len(real.images), len(rendered.images), groups["real"].shape[1]
-    opaque = np.full(real.images.shape[:3], 255, np.uint8)
+    opaque = OnDemand(n, real.images.shape[1:3], np.uint8, lambda view: np.full(real.images.shape[1:3], 255, np.uint8))
     train = real.splits == SPLITS.index("train")
     size_px = (config.width_px, config.height_px)
     scaffold = scaffold_depth(inputs["surface"], train, real.world_from_cam, real.intrinsics, size_px)
     groups = groups | {"rendered": n + np.arange(m).reshape(-1, k)}
     return Scene(
-        images=np.concatenate([real.images, rendered.images]),
-        alpha=np.concatenate([opaque, rendered.alpha]),
-        depth=np.concatenate([real.depth, rendered.depth]),
-        scaffold=np.concatenate([scaffold, rendered.depth]),
+        images=joined(real.images, rendered.images),
+        alpha=joined(opaque, rendered.alpha),
+        depth=joined(real.depth, rendered.depth),
+        scaffold=joined(scaffold, rendered.depth),
         world_from_cam=np.concatenate([real.world_from_cam, rendered.world_from_cam]),
         intrinsics=np.concatenate([real.intrinsics, rendered.intrinsics]),
         near_far=np.concatenate([real.near_far, rendered.near_far]),

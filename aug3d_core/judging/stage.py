@@ -13,6 +13,7 @@ import pandas as pd
 import torch
 
 from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads import saved
@@ -32,7 +33,7 @@ SUMMARY = "summary.png"
 
 def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progress: Progress) -> Outcome:
     """Score the model on every test view, and draw panels of some."""
-    scene = read(inputs["dataset"] / SCENE_ZARR)
+    scene = read(inputs["dataset"] / SCENE_ZARR, Cache())
     head = saved.load(inputs["training"])
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     count = len(scene.groups["test"])

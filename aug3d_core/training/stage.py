@@ -29,7 +29,6 @@ from aug3d_core.training.schedule import last_step
 from aug3d_core.training.state import Run
 
 CURVE_POINTS = 100
-CACHE_MIB = 768  # of pictures in memory, of all scenes: some 2,000 views of 256 x 192 px
 NOT_LEARNED = "the model is no better than one colour for each view would be: train longer, or with another seed"
 
 
@@ -72,11 +71,11 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
 
 
 def read_all(stores: Mapping[str, Path]) -> dict[str, Scene]:
-    """Read the data sets that a head is trained on, by name; their pictures stay on disk but for CACHE_MIB of them.
+    """Read the data sets that a head is trained on, by name; of their pictures as many are in memory as the usual cache holds.
 
     Raises InputError that names the data set that cannot be trained on.
     """
-    cache, scenes = Cache(CACHE_MIB * 2**20), {}
+    cache, scenes = Cache(), {}
     for name, store in stores.items():
         try:
             scenes[name] = read(store, cache)

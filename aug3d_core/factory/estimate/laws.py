@@ -253,7 +253,9 @@ def _dataset(scene: Scene) -> Work:
     views = scene.photos + scene.virtual_views
     mpx = views * scene.view_mpx
     return Work(
-        one_core_s=0.4 + 0.55 * mpx + 0.06 * scene.photos * scene.photo_mpx, peak_mib=218 + 32 * mpx, disk_mib=5.2 * mpx
+        one_core_s=0.4 + 0.55 * mpx + 0.06 * scene.photos * scene.photo_mpx,
+        peak_mib=355 + 0.4 * scene.photos + 40 * scene.view_mpx,
+        disk_mib=5.2 * mpx,
     )
 
 
