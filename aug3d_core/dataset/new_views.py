@@ -9,9 +9,10 @@ from jaxtyping import Float, Int
 from scipy.ndimage import grey_opening
 
 from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.by_view import changed, joined
 from aug3d_core.dataset.projection import ground_points, project, shows
 from aug3d_core.dataset.rays import pixel_rays
-from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, VIEW_ARRAYS, Scene
+from aug3d_core.dataset.scene import BASELINE_ARRAYS, PICTURES, REAL, SPLITS, VIEW_ARRAYS, Scene
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.run.errors import InputError
 
@@ -43,8 +44,10 @@ def with_views(
     longer = {}
     for name in VIEW_ARRAYS:
         array = getattr(scene, name)
-        rows = known[name] if name in known else np.zeros((count, *array.shape[1:]))
-        longer[name] = np.concatenate([array, rows.astype(array.dtype)])
+        if name in PICTURES:
+            longer[name] = joined(array, np.zeros((count, *array.shape[1:]), array.dtype))
+        else:
+            longer[name] = np.concatenate([array, known[name].astype(array.dtype)])
     return replace(scene, **longer), len(scene) + np.arange(count)
 
 
@@ -53,7 +56,7 @@ def with_scaffold(scene: Scene, rows: Int[np.ndarray, " f"], inputs: Int[np.ndar
 
     Each pixel of an input is one point. Gaps between points, one or two pixels wide, are closed with what lies nearest.
     """
-    scaffold = scene.scaffold.copy()
+    found = {}
     points = np.concatenate([_scaffold_points(scene, int(view)) for view in inputs])
     for row in rows:
         depth = np.full((scene.height_px, scene.width_px), np.inf)
@@ -62,8 +65,8 @@ def with_scaffold(scene: Scene, rows: Int[np.ndarray, " f"], inputs: Int[np.ndar
         along = (shown - scene.world_from_cam[row, :3, 3]) @ scene.world_from_cam[row, :3, 2]
         np.minimum.at(depth, (y, x), along)
         closed = grey_opening(depth, size=3)
-        scaffold[row] = np.where(np.isfinite(closed), closed, 0)
-    return replace(scene, scaffold=scaffold)
+        found[int(row)] = np.where(np.isfinite(closed), closed, 0).astype(scene.scaffold.dtype)
+    return replace(scene, scaffold=changed(scene.scaffold, found))
 
 
 def _scaffold_points(scene: Scene, view: int) -> Float[np.ndarray, "p 3"]:

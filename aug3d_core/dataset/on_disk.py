@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from aug3d_core.dataset.by_view import ByView
 from aug3d_core.run.errors import InputError
 
 _NUMBERS = itertools.count()
@@ -46,34 +47,12 @@ class Cache:
                 self.held_bytes -= self._held.popitem(last=False)[1].nbytes
 
 
-class OnDisk:
-    """A Zarr array with one chunk for each view. It is indexed as a numpy array is, by views first."""
+class OnDisk(ByView):
+    """A Zarr array with one chunk for each view."""
 
     def __init__(self, array: Any, cache: Cache) -> None:  # zarr itself is heavy to import, and reads of itself
+        super().__init__(array.shape, array.dtype)
         self._array, self._cache, self._number = array, cache, next(_NUMBERS)
-        self.shape: tuple[int, ...] = array.shape
-        self.dtype: np.dtype = np.dtype(array.dtype)
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        """Read everything."""
-        return np.asarray(self._array[...], dtype)
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return what numpy would: views by a number, numbers or a slice, and then what is asked of each."""
-        views, *rest = key if isinstance(key, tuple) else (key,)
-        if np.ndim(views) == 0 and not isinstance(views, slice):
-            return self._view(int(views))[tuple(rest)]
-        numbers = np.arange(len(self))[views]
-        if any(not isinstance(part, slice) for part in rest):  # arrays of pixels, one for each view named
-            own, place = np.unique(numbers, return_inverse=True)
-            return np.stack([self._view(int(view)) for view in own])[(place, *rest)]
-        if not numbers.size:
-            return np.zeros((*numbers.shape, *np.zeros(self.shape[1:], bool)[tuple(rest)].shape), self.dtype)
-        values = np.stack([self._view(int(view))[tuple(rest)] for view in numbers.ravel()])
-        return values.reshape(*numbers.shape, *values.shape[1:])
 
     def fetch(self, views: np.ndarray) -> None:
         """Read views that are not in memory, so that they are when they are asked for."""

@@ -11,9 +11,9 @@ from jaxtyping import Float, Float16, UInt8
 from PIL import Image
 
 from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
-from aug3d_core.dataset.on_demand import OnDemand
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name

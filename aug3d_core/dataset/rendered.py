@@ -12,9 +12,9 @@ import pandas as pd
 from jaxtyping import Float, Float16, Int, UInt8
 
 from aug3d_core.dataset.bounds import near_far
+from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
-from aug3d_core.dataset.on_demand import OnDemand
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.domes.files import CAMERAS
 from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name

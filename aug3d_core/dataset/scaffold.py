@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Float16
 
-from aug3d_core.dataset.on_demand import OnDemand
+from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import invert

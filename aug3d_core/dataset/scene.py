@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, Float16, Int, UInt8
 
-from aug3d_core.dataset.on_demand import OnDemand
-from aug3d_core.dataset.on_disk import OnDisk
+from aug3d_core.dataset.by_view import ByView
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.run.errors import InputError
 
@@ -21,7 +20,7 @@ from aug3d_core.run.errors import InputError
 if TYPE_CHECKING:
     Pictures = np.ndarray
 else:
-    Pictures = np.ndarray | OnDisk | OnDemand
+    Pictures = np.ndarray | ByView
 
 REAL, RENDERED = 0, 1
 SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`

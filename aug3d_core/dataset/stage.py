@@ -14,12 +14,12 @@ import numpy as np
 from PIL import Image
 
 from aug3d_core.dataset.bounds import edge_rays
+from aug3d_core.dataset.by_view import OnDemand, joined
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.contact import save_contact_sheet
 from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
 from aug3d_core.dataset.images import CONVENTION, fit
 from aug3d_core.dataset.leaks import Check, Sight, audit, report
-from aug3d_core.dataset.on_demand import OnDemand, joined
 from aug3d_core.dataset.real import RealViews, pack_real
 from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendered
 from aug3d_core.dataset.scaffold import scaffold_depth

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import UInt8
 
 from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.heads import saved
@@ -29,7 +30,7 @@ LITTLE_SEEN = 0.5  # share of the view's ground that inputs show, below which th
 
 def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progress: Progress) -> Outcome:
     """Predict one view, and write it with its depth, a panel of what it was made from, and its camera."""
-    scene = read(inputs["dataset"] / SCENE_ZARR)
+    scene = read(inputs["dataset"] / SCENE_ZARR, Cache())
     if "given" in inputs:  # photographs from outside
         scene = outside_scene(inputs["given"], scene)
     head = saved.load(inputs["training"])

@@ -35,4 +35,4 @@ def test_what_other_views_show_lies_where_it_is(scene: Scene) -> None:
 
 def test_inputs_without_a_scaffold_give_none(scene: Scene) -> None:
     bare = replace(scene, scaffold=np.zeros_like(scene.scaffold))
-    assert not with_scaffold(bare, np.array([40]), np.array([38, 41])).scaffold.any()
+    assert not with_scaffold(bare, np.array([40]), np.array([38, 41])).scaffold[:].any()

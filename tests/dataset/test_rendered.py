@@ -52,7 +52,7 @@ def pack(stages):
 
 def test_views_come_dome_after_dome_each_with_its_own_camera(stages):
     views = pack(stages)
-    assert np.asarray(views.images)[:, 0, 0, 0].tolist() == list(range(DOMES * MEMBERS))
+    assert views.images[:, 0, 0, 0].tolist() == list(range(DOMES * MEMBERS))
     assert views.world_from_cam[:, 0, 3].tolist() == list(range(DOMES * MEMBERS))
     assert views.dome_id.tolist() == [0] * 4 + [1] * 4 + [2] * 4
     assert views.domes_dropped == 0

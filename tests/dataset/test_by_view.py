@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aug3d_core.dataset.on_demand import OnDemand, joined
+from aug3d_core.dataset.by_view import OnDemand, joined
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import PICTURES
 from aug3d_core.dataset.writer import write
