@@ -90,7 +90,7 @@ def _sizes(store: Store, scene: Measured, say: Say, sweep: Trial) -> dict[str, F
         if packed.failure:
             found[f"view_seconds_{width}"] = Figure(None, "s", None, None, packed.failure)
             continue
-        data = store.file(packed.records["dataset"], SCENE_ZARR)
+        data = store.files_dir(packed.records["dataset"]) / SCENE_ZARR
         free, both = in_own_process(partial(seconds_per_view, model, data))
         found |= {f"view_seconds_{width}": at_most(most, free, "s"), f"both_views_seconds_{width}": Figure(both, "s")}
     return found
