@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from aug3d_core.dataset.on_disk import USUAL_BYTES
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.estimate.size import SceneSize
 from aug3d_core.heads.config import HeadConfig
@@ -301,13 +302,18 @@ _GROUPS_OF_HEADS: Mapping[str, Callable[[Scene, HeadConfig], Work]] = {
 }
 
 
+_HELD_MIB = USUAL_BYTES / 2**20
+
+
 def _evaluation(scene: Scene) -> Work:
     evaluation = scene.config.evaluation
     views = 2 * scene.targets + evaluation.flythrough_frames
     return Work(
         one_core_s=4 + 0.3 * scene.targets,
         all_cores_s=10 * views * scene.view_mpx * evaluation.input_views / 3 * 1.6,
-        peak_mib=450 + 4500 * scene.view_mpx,
+        peak_mib=390
+        + 4500 * scene.view_mpx
+        + min(8 * (scene.photos + scene.virtual_views) * scene.view_mpx, _HELD_MIB),
         disk_mib=1.5 + 200 * scene.view_mpx,
     )
 
