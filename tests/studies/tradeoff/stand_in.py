@@ -12,12 +12,13 @@ import pandas as pd
 import pytest
 
 from aug3d_core.factory.auto.decision import Settled
-from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.config import SceneConfig, scene_config
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.stage import Decision, Stage
 from aug3d_core.town.files import TOWN_PHOTOS
 from tests.stand_in_stages import MADE, Made, StandIn, fold_of, write_split, write_test
 
+STEPS = scene_config("tiny").training.steps
 _COSTS = {"town": 100.0, "matching": 75.0, "sfm": 32.0, "depth": 137.0, "surface": 114.0}
 
 
@@ -32,7 +33,7 @@ class Stages(StandIn):
         self.test_of: Callable[[Made], Sequence[int]] = lambda made: (1, 2, 3, 4)
 
     def cpu_seconds(self, stage: Stage, made: Made) -> float:
-        return 350 * made["training"]["steps"] / 1000 if stage.name == "training" else _COSTS.get(stage.name, 2.0)
+        return 350 * made["training"]["steps"] / STEPS if stage.name == "training" else _COSTS.get(stage.name, 2.0)
 
     def figures(self, stage: Stage, made: Made, files: Path) -> dict[str, Any]:
         if stage.name == "town":
@@ -52,9 +53,9 @@ class Stages(StandIn):
         if stage.name == "mesh_truth":
             return {"fscore_half_pct": 0.9, "mesh_render_psnr": 25 - made["surface"]["texel_gsd"]}
         if stage.name == "evaluation":
-            psnr = 20 + made["training"]["head"]["features"] / 16 + made["training"]["steps"] / 1000
+            psnr = 20 + made["training"]["head"]["features"] / 16 + made["training"]["steps"] / STEPS
             psnr += 0.01 * made["training"]["seed"] - made["grouping"]["fold"]
-            psnr += 0.0 if made["training"]["seed"] else self.luck_db * log2(1000 / made["training"]["steps"])
+            psnr += 0.0 if made["training"]["seed"] else self.luck_db * log2(STEPS / made["training"]["steps"])
             write_test(files, dict.fromkeys(self.test_of(made), psnr), others=20.0)
             return {
                 "test_psnr_mean": psnr, "test_psnr_ci_low": psnr - 1, "test_psnr_ci_high": psnr + 1,

@@ -90,7 +90,7 @@ def test_a_scene_in_folds_is_judged_and_paid_for_over_all_of_them(stages: Stages
     assert found.test_photos == 4 and second == pytest.approx(first - 1), "the stand-in's second fold is harder"
     assert own.accuracy == pytest.approx((3 * first + second) / 4), "every photograph counts alike"
     costs = own.results[0].costs
-    assert costs["training"] == pytest.approx(2 * 350 * 50 / 1000) and costs["matching"] == 75.0
+    assert costs["training"] == pytest.approx(2 * 350 / 20) and costs["matching"] == 75.0
     assert found.search is not None and found.search.trials[0].tried.training_s >= costs["training"] / 9
     assert len(as_json(found, "m")["decisions"]) == 1
 
@@ -205,7 +205,7 @@ def test_a_search_alone_tries_less_and_takes_a_target(stages: Stages, tmp_path: 
     assert {point.arm.panel for point in found.points} == {FACTORY}
     assert found.search is not None and found.search.reached is not None
     assert found.search.reached.psnr_db >= 21.0 and len(found.factory) < 48 / 2
-    assert studied(stages, tmp_path, search_only=True).target_db == pytest.approx(20 + 1 + 50 / 1000 - 0.2)
+    assert studied(stages, tmp_path, search_only=True).target_db == pytest.approx(20 + 1 + 1 / 20 - 0.2)
 
 
 def test_a_search_alone_holds_auto_against_the_scene_s_own_with_every_seed(stages: Stages, tmp_path: Path) -> None:
