@@ -5,17 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
+from aug3d_core.bench import generalisation
 from aug3d_core.bench.figure import Figure
 from aug3d_core.bench.generalisation import _by_towns, _lasting, _worst
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import make_data
+from aug3d_core.dataset.files import SCENE_ZARR
+from aug3d_core.dataset.writer import write
 from aug3d_core.factory.config import scene_config
+from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
 from tests.collections.stand_in import Stages
 from tests.stand_in_stages import write_test
+from tests.toy_scene import toy_scene
 
 
 def test_the_worst_place_is_told_first() -> None:
@@ -49,3 +55,49 @@ def test_more_towns_are_trained_on_from_the_same_start(tmp_path: Path) -> None:
     assert stages.computed.count("exact_town") == 30 and stages.computed.count("training") == 4
     assert found["coast_1_towns_scaffold"].value == pytest.approx(20.6)
     assert found["coast_30_towns_over_one"].value == pytest.approx(2.9) and found["coast_30_towns_over_one"].holds
+
+
+class Whole(Stages):
+    """Towns with views, trainings that take their steps, and tests of which the best steps are the shipped model's."""
+
+    most = 0  # scenes of a training
+
+    def figures(self, stage, made, files):
+        found = super().figures(stage, made, files)
+        if stage.name == "exact_town":
+            write(toy_scene(0, 32, 24), files / SCENE_ZARR, shard_views=64)
+        if stage.name == "training":
+            self.most = max(self.most, len(self.given["training"]))
+            return found | {"loader_wait_share": 0.01}
+        if stage.name == "preview":
+            return found | {"over_homography_db": 2.5}
+        if stage.name == "evaluation":
+            psnr = 24.0 if made.get("training", {}).get("head", {}).get("start") != "random" else 23.0
+            views = write_test(files, {1: psnr + 2, 2: psnr + 3}, others=20.0)
+            views.assign(inputs_alone_psnr=[psnr, psnr + 1], inputs_alone_ssim=0.7).to_parquet(files / TEST_VIEWS)
+        return found
+
+    def cpu_seconds(self, stage, made):
+        return made["training"]["steps"] / 2 if stage.name == "training" else 2.0
+
+
+def test_every_figure_of_the_contract_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = Whole()
+    monkeypatch.setattr(generalisation, "directly", lambda store, say: stages.maker(store))
+    monkeypatch.setattr(generalisation, "scene_config", lambda preset: scene_config("tiny"))  # auto looks at photographs
+    photos = tmp_path / "coast"
+    photos.mkdir()
+    for number in range(generalisation.FLIGHT_PHOTOS + 1):
+        Image.new("RGB", (32, 24), (number, 0, 0)).save(photos / f"{number:02d}.jpg")
+    store = Store(tmp_path / "store")
+    found = generalisation.figures(store, Measured("tiny"), lambda *said: None, {"coast": photos}, towns=False)
+    assert not [f"{key}: {figure.failure}" for key, figure in found.items() if figure.failure]
+    assert found["coast_zero_shot_free_psnr"].value == 24.5
+    assert found["zero_shot_over_homography_db"].value == found["coast_zero_shot_free_over_homography_db"].value == 4.5
+    assert (found["coast_tuned_minutes"].value, found["coast_scratch_minutes"].value) == (2.0, 10.0)
+    assert found["tuned_over_scratch_db"].value == 1.0 and found["coast_tuned_over_scratch_low"].value is not None
+    assert found["tuned_time_share"].value == 0.2
+    assert found["coast_flight_minutes"].holds and found["coast_flight_over_homography"].value == 2.5
+    assert found["loader_peak_mib"].holds and found["loader_wait_share"].holds
+    assert stages.most == generalisation.SCENES
+    assert not (store.root / "flight").exists() and not (store.root / "reading").exists()
