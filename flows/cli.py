@@ -29,6 +29,7 @@ from flows.compare import compare_runs
 from flows.gc import gc
 from flows.hand_on import export_groups
 from flows.join import worker
+from flows.look import look
 from flows.plan import checked_plan, expected_times, following, nothing_to_do
 from flows.plan_table import print_plan
 from flows.predict import predict
@@ -262,6 +263,7 @@ app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(worker)
+app.command()(look)
 app.command()(status)
 app.command()(gc)
 app.command()(verify)

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = ("aug3d_core", "tasks", "flows")
 DOORS = {
     "pycolmap": {"aug3d_core/sfm", "aug3d_core/depth", "aug3d_core/poses/colmap.py"},
-    "cv2": {"aug3d_core/depth", "aug3d_core/photos/redundant.py"},
+    "cv2": {"aug3d_core/depth", "aug3d_core/photos/redundant.py", "aug3d_core/look"},
     "open3d": {"aug3d_core/surface", "aug3d_core/geometry/raycast.py"},
     "bpy": {"aug3d_core/rendering"},
     "torch": {
@@ -40,7 +40,7 @@ ORDER = (
     "run", "geometry",
     "photos", "poses", "sfm", "split", "groups", "depth", "surface", "overlap", "domes", "rendering", "dataset",
     "heads", "training", "judging", "novel", "town",
-    "store", "factory", "metrics", "report", "export", "scene_files", "collections", "studies", "bench",
+    "store", "factory", "metrics", "report", "look", "export", "scene_files", "collections", "studies", "bench",
 )  # fmt: skip
 STAGES = ORDER[ORDER.index("photos") : ORDER.index("store")]
 # Besides `files.py`, which every later stage may read, stage packages import of one another only what is listed here.

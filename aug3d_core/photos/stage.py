@@ -28,7 +28,7 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     """Check every photograph of the folder, write working copies and the table."""
     folder = inputs["folder"]
     found = find_photos(folder)
-    _require_some(folder, found)
+    require_some(folder, found)
     (out / PHOTO_IMAGES).mkdir(parents=True, exist_ok=True)
     usable, rejected = _decode_all(folder, found, config, out, progress)
     usable, duplicates = drop_duplicates(usable)
@@ -100,7 +100,7 @@ def _decode_all(
     return usable, rejected
 
 
-def _require_some(folder: Path, found: Found) -> None:
+def require_some(folder: Path, found: Found) -> None:
     if not found.names:
         content = f"holds {found.ignored} files, none of them a photograph" if found.ignored else "is empty"
         raise InputError(f"{folder} {content}", "Put the JPEG, PNG or TIFF photographs there, or name another folder.")

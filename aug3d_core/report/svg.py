@@ -57,8 +57,8 @@ def _bar(bar: Bar, top: float, scale: float) -> str:
     return "".join(parts)
 
 
-def curve(points: Sequence[tuple[float, float]], title: str) -> str:
-    """Draw one curve with its first and last step and its range of values."""
+def curve(points: Sequence[tuple[float, float]], title: str, along: str = "training step") -> str:
+    """Draw one curve with its first and last step and its range of values. along: what it goes along."""
     finite = [(x, y) for x, y in points if math.isfinite(y)]
     if not finite:
         return ""
@@ -75,7 +75,7 @@ def curve(points: Sequence[tuple[float, float]], title: str) -> str:
     grid = "".join(level(base - (y - low) * y_scale, f"{y:.4g}") for y in ticks)
     steps = text(LEFT, base + 14, f"{min(xs):,.0f}", "start", "tick")
     steps += text(CHART_WIDTH - RIGHT, base + 14, f"{max(xs):,.0f}", "end", "tick")
-    steps += text((LEFT + CHART_WIDTH) / 2, base + 31, "training step", "middle", "tick")
+    steps += text((LEFT + CHART_WIDTH) / 2, base + 31, along, "middle", "tick")
     line = f'<path class="line" d="M{"L".join(place(x, y) for x, y in finite)}"/>'
     end = place(xs[-1], ys[-1]).split()
     dot = f'<circle class="dot" cx="{end[0]}" cy="{end[1]}" r="3.5"/>'

@@ -1,0 +1,264 @@
+"""What is wrong with photographs, as far as a first look tells, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from itertools import pairwise
+from typing import Literal, SupportsInt
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from aug3d_core.look.survey import Survey
+from aug3d_core.photos.config import PhotosConfig
+
+Weight = Literal["stop", "warn", "note"]
+
+_BLURRED = 0.35  # of the sharpness of the photographs around
+_BRIGHTER = 1.8  # times as bright as those around, or as dark
+_UNEVEN = 2.0  # the same over the whole flight
+_AROUND = 5  # photographs before and after one
+_BURNT = 0.2  # share of a picture without detail
+_FOLDED, _WANTED = 28, 30  # fewer photographs than these: tested in two folds; the scene is small
+_LEAST_OVERLAP, _WANTED_OVERLAP = 0.4, 0.6  # where the study of stability breaks, and what neighbours should have
+_TOO_OFTEN = 0.15  # share of the steps that makes something a habit
+_STILL = 0.02  # of the width: the picture did not move
+_FLIGHTS_APART = timedelta(minutes=30)
+_ONE_PLACE_M = 2.0
+_GAPS = 0.02  # share of the enclosed ground
+
+
+@dataclass(frozen=True)
+class Finding:
+    """weight: stop: it will not work; warn: the result suffers; note: good to know. names: of the photographs meant."""
+
+    weight: Weight
+    what: str
+    to_do: str
+    names: tuple[str, ...] = ()
+
+
+def findings_of(survey: Survey) -> list[Finding]:
+    """Return what is found, the gravest first."""
+    found = [one for rule in _RULES for one in rule(survey)]
+    return sorted(found, key=lambda one: ("stop", "warn", "note").index(one.weight))
+
+
+def verdict_of(findings: Sequence[Finding]) -> str:
+    """Return the whole in one sentence."""
+    stops, warnings = (sum(one.weight == weight for one in findings) for weight in ("stop", "warn"))
+    if stops:
+        return "These photographs will not do as they are."
+    if warnings:
+        return f"These photographs can be used. {warnings} thing{'s' * (warnings > 1)} to look at first."
+    return "These photographs look good."
+
+
+def blurred(survey: Survey) -> Bool[np.ndarray, " n"]:
+    """Return which photographs are much less sharp than those around them."""
+    sharpness = np.array([photo.sharpness for photo in survey.photos])
+    return sharpness < _BLURRED * _usual_around(sharpness)
+
+
+def exposed_unlike(survey: Survey) -> Bool[np.ndarray, " n"]:
+    """Return which photographs are much brighter or darker than those around them."""
+    brightness = np.array([photo.brightness for photo in survey.photos]).clip(1 / 255)
+    usual = _usual_around(brightness)
+    return np.maximum(brightness / usual, usual / brightness) > _BRIGHTER
+
+
+def _usual_around(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return np.array([np.median(values[max(i - _AROUND, 0) : i + _AROUND + 1]) for i in range(len(values))])
+
+
+def _named(survey: Survey, which: Bool[np.ndarray, " n"]) -> tuple[str, ...]:
+    return tuple(photo.name for photo, so in zip(survey.photos, which, strict=True) if so)
+
+
+def _count(survey: Survey) -> Iterator[Finding]:
+    least, count = PhotosConfig().min_photos, len(survey.photos)
+    if count < least:
+        yield Finding("stop", f"{count} usable photographs; at least {least} are needed.", "Take more.")
+    elif count < _FOLDED:
+        yield Finding(
+            "warn",
+            f"{count} photographs: a small scene, which is tested in parts, each with a model of its own.",
+            f"Take {_WANTED} or more.",
+        )
+
+
+def _unusable(survey: Survey) -> Iterator[Finding]:
+    if survey.unusable:
+        grave = len(survey.unusable) > len(survey.photos)
+        reasons = sorted({reason.partition(":")[0] for reason in survey.unusable.values()})
+        yield Finding(
+            "stop" if grave else "warn",
+            f"{_photographs(len(survey.unusable))} cannot be used ({', '.join(reasons)}).",
+            "Copy them from the card again, or delete them.",
+            tuple(survey.unusable),
+        )
+    if survey.same:
+        yield Finding(
+            "note",
+            f"{_photographs(len(survey.same))} have the same bytes as another one and are left out.",
+            "Nothing.",
+            tuple(survey.same),
+        )
+
+
+def _blur(survey: Survey) -> Iterator[Finding]:
+    if (soft := blurred(survey)).any():
+        yield Finding(
+            "warn",
+            f"{_photographs(soft.sum())} much less sharp than those around them.",
+            "Look at them; delete what is blurred, unless it leaves a gap.",
+            _named(survey, soft),
+        )
+
+
+def _exposure(survey: Survey) -> Iterator[Finding]:
+    if (unlike := exposed_unlike(survey)).any():
+        yield Finding(
+            "warn",
+            f"{_photographs(unlike.sum())} much brighter or darker than those around them.",
+            "Look at them; such a picture is evened out, as far as it can be.",
+            _named(survey, unlike),
+        )
+    brightness = np.array([photo.brightness for photo in survey.photos]).clip(1 / 255)
+    darkest, brightest = np.quantile(brightness, [0.1, 0.9])
+    if brightest > _UNEVEN * darkest:
+        yield Finding(
+            "warn",
+            f"The brightest tenth is {brightest / darkest:.1f} times as bright as the darkest, or more.",
+            "Fly with a fixed exposure, in one light; the model evens out what it can.",
+        )
+    burnt = np.array([photo.white > _BURNT for photo in survey.photos], bool)
+    if burnt.any():
+        yield Finding(
+            "warn",
+            f"{_photographs(burnt.sum())} white over more than {_BURNT:.0%} of the picture.",
+            "Expose less: what is white has no detail to match.",
+            _named(survey, burnt),
+        )
+
+
+def _cameras(survey: Survey) -> Iterator[Finding]:
+    cameras = sorted({photo.exif.camera for photo in survey.photos})
+    if len(cameras) > 1:
+        yield Finding(
+            "note", f"{len(cameras)} cameras: {'; '.join(cameras)}.", "Nothing: each gets intrinsics of its own."
+        )
+    unknown = sum(photo.exif.focal_source == "none" for photo in survey.photos)
+    if unknown:
+        yield Finding(
+            "note",
+            f"{_photographs(unknown)} without focal length in EXIF.",
+            "Use the camera's originals if you have them: a known focal length is a better start.",
+        )
+
+
+def _positions(survey: Survey) -> Iterator[Finding]:
+    ground = survey.ground
+    known = sum(np.isfinite(photo.exif.lat_deg) for photo in survey.photos)
+    if ground is None:
+        yield Finding(
+            "note",
+            "No positions by GPS: the scene will have no metres and no north, and there is no map here.",
+            "Nothing, if you need neither.",
+        )
+        return
+    if known < len(survey.photos):
+        without = np.array([not np.isfinite(photo.exif.lat_deg) for photo in survey.photos], bool)
+        yield Finding("note", f"{_photographs(without.sum())} without a position.", "Nothing.", _named(survey, without))
+    if ground.wild.any():
+        yield Finding(
+            "warn",
+            f"{_photographs(ground.wild.sum())} with a position that cannot be right: far from those before and after.",
+            "Nothing: wild positions are left out when the scene is placed.",
+            _named(survey, ground.wild),
+        )
+    spread = np.nanmax(ground.enu_m[ground.placed], axis=0) - np.nanmin(ground.enu_m[ground.placed], axis=0)
+    if ground.placed.sum() > 2 and np.linalg.norm(spread) < _ONE_PLACE_M:
+        yield Finding(
+            "stop",
+            f"All photographs were taken within {_ONE_PLACE_M:g} m: a camera that only turns sees no depth.",
+            "Fly, and photograph from different places.",
+        )
+
+
+def _overlap(survey: Survey) -> Iterator[Finding]:
+    if not survey.steps:
+        return
+    overlaps, matched = survey.overlaps, np.array([step.overlap > 0 for step in survey.steps])
+    within = overlaps[overlaps > 0]  # a new line of the flight has nothing to do with the one before
+    if not len(within):
+        yield Finding(
+            "stop", "No photograph shows anything of the next one.", "Fly so that neighbours overlap by 60 % or more."
+        )
+        return
+    middle = float(np.median(within))
+    if middle < _WANTED_OVERLAP:
+        yield Finding(
+            "stop" if middle < _LEAST_OVERLAP else "warn",
+            f"Neighbours overlap by {middle:.0%} (median). Below {_LEAST_OVERLAP:.0%} no poses are found.",
+            "Fly again with 70 % or more along the line.",
+        )
+    strange = (overlaps > _LEAST_OVERLAP) & ~matched
+    if survey.ground is not None and strange.mean() > _TOO_OFTEN:
+        yield Finding(
+            "warn",
+            f"{strange.sum()} of {len(strange)} neighbours overlap by their positions, but nothing in them was matched: "
+            "leaves, water, sand or blur.",
+            "Photograph more often, or from higher up, so that more of the picture stays the same.",
+            _named(survey, np.append(strange, False)),
+        )
+    still = np.array([step.length < _STILL for step in survey.steps])
+    if still.mean() > _TOO_OFTEN:
+        yield Finding(
+            "note",
+            f"{still.sum()} of {len(still)} photographs show what the one before shows: a video, or a drone that hovers.",
+            "Run with --preset auto, which leaves them out.",
+        )
+
+
+def _gaps(survey: Survey) -> Iterator[Finding]:
+    ground = survey.ground
+    if ground is None or not ground.inside.any():
+        return
+    share = ground.gaps.sum() / ground.inside.sum()
+    if share > _GAPS:
+        yield Finding(
+            "warn",
+            f"{share:.0%} of the ground within the flight is seen by fewer than three photographs "
+            f"({ground.gaps.sum() * ground.cell_m**2:,.0f} m2; red on the map).",
+            "Fly these places again before you leave.",
+        )
+
+
+def _times(survey: Survey) -> Iterator[Finding]:
+    times = [photo.exif.time for photo in survey.photos]
+    known = [time for time in times if time is not None]
+    if 0 < len(known) < len(times):
+        yield Finding(
+            "note", f"{_photographs(len(times) - len(known))} without a time: the order is that of the names.", "Nothing."
+        )
+        return
+    flights = 1 + sum(after - before > _FLIGHTS_APART for before, after in pairwise(known))
+    if flights > 1:
+        days = len({time.date() for time in known})
+        yield Finding(
+            "warn" if days > 1 else "note",
+            f"{flights} flights" + (f" on {days} days: light and things may have changed." if days > 1 else "."),
+            "Nothing, if they show the same ground.",
+        )
+
+
+def _photographs(count: SupportsInt) -> str:
+    return f"{int(count)} photograph{'s' * (int(count) != 1)}"
+
+
+_RULES: Sequence[Callable[[Survey], Iterator[Finding]]] = (
+    _count, _unusable, _overlap, _gaps, _blur, _exposure, _positions, _cameras, _times,
+)  # fmt: skip

@@ -1,0 +1,62 @@
+"""A folder of photographs as one look at each tells of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from aug3d_core.look.glance import Glance, glances
+from aug3d_core.look.ground import Ground, ground_of
+from aug3d_core.look.neighbours import Step, steps_between
+from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.photos.discover import find_photos
+from aug3d_core.photos.stage import capture_order, require_some
+
+
+@dataclass(frozen=True)
+class Survey:
+    """photos: those that can be used, in the order of capture. steps: from each to the next.
+
+    unusable: why others cannot be used, by name. same: names of later photographs with the same bytes as an earlier one.
+    ignored: files that are no photographs. ground: None without positions.
+    """
+
+    folder: Path
+    photos: Sequence[Glance]
+    steps: Sequence[Step]
+    unusable: Mapping[str, str]
+    same: Mapping[str, str]
+    ignored: int
+    ground: Ground | None
+
+    @cached_property
+    def overlaps(self) -> Float[np.ndarray, " m"]:
+        """How much of each photograph the next one shows too: by the ground of both where it is known, else by the pictures."""
+        by_picture = np.array([step.overlap for step in self.steps])
+        if self.ground is None:
+            return by_picture
+        corners = self.ground.corners_m.astype(np.float32)
+        common = np.full(len(self.steps), np.nan)
+        for i in range(len(common)):
+            if np.isfinite(corners[i : i + 2]).all():
+                area, _ = cv2.intersectConvexConvex(corners[i], corners[i + 1])
+                common[i] = area / max(cv2.contourArea(corners[i]), 1e-9)
+        return np.where(np.isfinite(common), common, by_picture)
+
+
+def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey:
+    """Look at a folder; raises InputError if it is none, or holds no photograph."""
+    found = find_photos(folder)
+    require_some(folder, found)
+    seen, unusable = glances(folder, found.names, PhotosConfig().min_px, progress)
+    first: dict[str, str] = {}
+    same = {one.name: first[one.sha256] for one in seen if first.setdefault(one.sha256, one.name) != one.name}
+    photos = capture_order([one for one in seen if one.name not in same])
+    steps = steps_between(photos)
+    return Survey(folder, photos, steps, unusable, same, found.ignored, ground_of(photos, steps))

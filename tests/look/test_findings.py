@@ -1,0 +1,104 @@
+"""Each thing that can be wrong with a flight is found, and nothing is found in a good one."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from PIL import Image, ImageFilter
+
+from aug3d_core.look.findings import Finding, findings_of, verdict_of
+from aug3d_core.look.survey import survey_of
+from aug3d_core.run.errors import InputError
+from tests.look.flown import Shot, lines, take, without
+
+
+def found(folder: Path) -> list[Finding]:
+    return findings_of(survey_of(folder, lambda *_: None))
+
+
+def test_nothing_is_wrong_with_a_good_flight(tmp_path: Path) -> None:
+    findings = found(take(tmp_path, lines(5)))
+    assert findings == [] and verdict_of(findings) == "These photographs look good."
+
+
+def some(*which: int, by: Callable[[Image.Image], Image.Image]) -> Callable[[Shot, Image.Image], Image.Image]:
+    names = {f"shot_{i:03d}.jpg" for i in which}
+    return lambda shot, picture: by(picture) if shot.name in names else picture
+
+
+@pytest.mark.parametrize(
+    ("words", "weight", "names", "changed"),
+    [
+        ("less sharp", "warn", (3, 20), some(3, 20, by=lambda p: p.filter(ImageFilter.GaussianBlur(3)))),
+        ("brighter or darker", "warn", (4,), some(4, by=lambda p: p.point(lambda v: 0.4 * v))),
+        ("as bright as the darkest", "warn", None, some(*range(14), by=lambda p: p.point(lambda v: 0.4 * v))),
+        ("white over", "warn", (9,), some(9, by=lambda p: p.point(lambda v: 2 * v))),
+    ],
+)
+def test_pictures_that_differ_are_named(
+    tmp_path: Path,
+    words: str,
+    weight: str,
+    names: tuple[int, ...] | None,
+    changed: Callable[[Shot, Image.Image], Image.Image],
+) -> None:
+    [one] = [one for one in found(take(tmp_path, lines(5), changed=changed)) if words in one.what]
+    assert one.weight == weight and one.to_do
+    if names is not None:
+        assert one.names == tuple(f"shot_{i:03d}.jpg" for i in names)
+
+
+def test_damaged_tiny_and_repeated_files_are_named(tmp_path: Path) -> None:
+    folder = take(tmp_path, lines(5))
+    (folder / "broken.jpg").write_bytes((folder / "shot_000.jpg").read_bytes()[:900])
+    Image.new("L", (20, 20)).save(folder / "icon.png")
+    shutil.copy(folder / "shot_001.jpg", folder / "shot_zz.jpg")
+    unusable, same = found(folder)
+    assert unusable.weight == "warn" and set(unusable.names) == {"broken.jpg", "icon.png"}
+    assert same.weight == "note" and same.names == ("shot_zz.jpg",)
+
+
+def test_a_flight_of_too_little_overlap_will_not_do(tmp_path: Path) -> None:
+    little = found(take(tmp_path / "little", lines(5, along=0.5)))
+    assert [one.weight for one in little] == ["warn"] and "overlap by 50%" in little[0].what
+    least = found(take(tmp_path / "least", lines(5, along=0.3)))
+    assert least[0].weight == "stop" and "will not do" in verdict_of(least)
+
+
+def test_ground_that_was_left_out_is_told_with_its_size(tmp_path: Path) -> None:
+    shots = [*without(lines(9, across=0.7), 3, 4, 5)]
+    [gap] = [one for one in found(take(tmp_path, shots)) if "fewer than three" in one.what]
+    assert gap.weight == "warn" and "m2" in gap.what
+
+
+def test_positions_times_and_flights(tmp_path: Path) -> None:
+    shots = lines(5)
+    wild = [replace(shot, told_m=(0.0, 3000.0)) if i == 12 else shot for i, shot in enumerate(shots)]
+    [one] = found(take(tmp_path / "wild", wild))
+    assert (one.weight, one.names) == ("warn", ("shot_012.jpg",)) and "cannot be right" in one.what
+    later = [replace(shot, time=shot.time + timedelta(days=3 * (i > 20))) for i, shot in enumerate(shots)]
+    [one] = found(take(tmp_path / "days", later))
+    assert one.weight == "warn" and "2 flights on 2 days" in one.what
+    [one] = found(take(tmp_path / "no gps", shots, gps=False))
+    assert one.weight == "note" and "No positions" in one.what
+
+
+def test_a_camera_that_only_turns_and_one_that_hovers(tmp_path: Path) -> None:
+    turning = [replace(shot, east_m=0.0, north_m=0.0, yaw_deg=12.0 * i) for i, shot in enumerate(lines(5))]
+    assert any(one.weight == "stop" and "only turns" in one.what for one in found(take(tmp_path / "turns", turning)))
+    slow = lines(5, along=0.99)
+    assert any("hovers" in one.what and "auto" in one.to_do for one in found(take(tmp_path / "slow", slow)))
+
+
+def test_few_photographs(tmp_path: Path) -> None:
+    assert "small scene" in found(take(tmp_path / "few", lines(2)))[0].what
+    assert found(take(tmp_path / "two", lines(1, 2)))[0].weight == "stop"
+    assert found(take(tmp_path / "one", lines(1, 1)))[0].weight == "stop"
+    with pytest.raises(InputError, match="none of them a photograph|is empty"):
+        (tmp_path / "none").mkdir()
+        found(tmp_path / "none")

@@ -1,0 +1,45 @@
+"""What drones write beside EXIF."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from aug3d_core.photos.xmp import Attitude, read_attitude
+
+DJI = b'<rdf:Description drone-dji:RelativeAltitude="+39.80" drone-dji:GimbalYawDegree="-132.00" drone-dji:GimbalPitchDegree="-89.90"/>'
+ELEMENTS = b"<drone-dji:RelativeAltitude>12</drone-dji:RelativeAltitude><drone-dji:GimbalYawDegree>7.5</drone-dji:GimbalYawDegree>"
+AUTEL = b"<Camera:Pitch>-45</Camera:Pitch> <Camera:Yaw>10</Camera:Yaw> drone:RelativeAltitude='30.5'"
+
+
+def attitude(packet: object) -> Attitude:
+    return read_attitude(SimpleNamespace(info={"xmp": packet}))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("packet", "yaw", "pitch", "above"),
+    [(DJI, -132.0, -89.9, 39.8), (ELEMENTS, 7.5, math.nan, 12.0), (AUTEL, 10.0, -45.0, 30.5)],
+)
+def test_attributes_and_elements_are_read(packet: bytes, yaw: float, pitch: float, above: float) -> None:
+    found = attitude(packet)
+    assert (found.yaw_deg, found.above_start_m) == (yaw, above)
+    assert found.pitch_deg == pitch or math.isnan(pitch) and math.isnan(found.pitch_deg)
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        None,
+        "text",
+        b"",
+        b"\xff\x00" * 1000,
+        DJI.replace(b"-132.00", b"north").replace(b"-89.90", b"1e9").replace(b"+39.80", b""),
+        DJI.replace(b"-132.00", b"999").replace(b"-89.90", b"-999").replace(b"+39.80", b"999999"),
+        b" " * 2**18 + DJI,
+    ],
+)
+def test_what_is_missing_damaged_or_impossible_is_unknown(packet: object) -> None:
+    found = attitude(packet)
+    assert all(math.isnan(value) for value in (found.yaw_deg, found.pitch_deg, found.above_start_m))
