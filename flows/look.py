@@ -78,7 +78,9 @@ def _told(survey: Survey, findings: list[Finding], costs: dict[str, Cost], out: 
     return {
         "photographs": len(survey.photos),
         "findings": [asdict(one) for one in findings],
-        "cost": {preset: {"seconds": cost.seconds.likely, "peak_mib": cost.peak_mib.likely} for preset, cost in costs.items()},
+        "cost": {
+            preset: {"seconds": cost.seconds.likely, "peak_mib": cost.peak_mib.likely} for preset, cost in costs.items()
+        },
         "page": str(out.absolute()),
     }
 
@@ -86,9 +88,16 @@ def _told(survey: Survey, findings: list[Finding], costs: dict[str, Cost], out: 
 def _print(console: Console, verdict: str, findings: list[Finding], costs: dict[str, Cost], out: Path) -> None:
     console.print(f"[bold]{escape(verdict)}[/]", highlight=False)
     for one in findings:
-        some = ", ".join(one.names[:_NAMED]) + (f" and {len(one.names) - _NAMED} more" if len(one.names) > _NAMED else "")
+        some = ", ".join(one.names[:_NAMED]) + (
+            f" and {len(one.names) - _NAMED} more" if len(one.names) > _NAMED else ""
+        )
         console.print(f"[{_COLOURS[one.weight]}]{one.weight}[/] {escape(one.what)}", highlight=False, soft_wrap=True)
-        console.print(f"     {escape(one.to_do)}{escape(f' ({some})' if some else '')}", style="dim", highlight=False, soft_wrap=True)
+        console.print(
+            f"     {escape(one.to_do)}{escape(f' ({some})' if some else '')}",
+            style="dim",
+            highlight=False,
+            soft_wrap=True,
+        )
     for preset, cost in costs.items():
         console.print(f"a run with preset {preset}: about {time_words(cost.seconds.likely)}", highlight=False)
     console.print(f"page: {out}", highlight=False, soft_wrap=True)

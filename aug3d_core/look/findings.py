@@ -10,6 +10,7 @@ from typing import Literal, SupportsInt
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.sparse.csgraph import connected_components
 
 from aug3d_core.look.survey import Survey
 from aug3d_core.photos.config import PhotosConfig
@@ -23,6 +24,8 @@ _AROUND = 5  # photographs before and after one
 _BURNT = 0.2  # share of a picture without detail
 _FOLDED, _WANTED = 28, 30  # fewer photographs than these: tested in two folds; the scene is small
 _LEAST_OVERLAP, _WANTED_OVERLAP = 0.4, 0.6  # where the study of stability breaks, and what neighbours should have
+_WANTED_SIDEWAYS, _JOINED = 0.35, 0.1  # of photographs of other lines; of those that can be joined at all
+_APART = 6  # so many photographs later it is another line
 _TOO_OFTEN = 0.15  # share of the steps that makes something a habit
 _STILL = 0.02  # of the width: the picture did not move
 _FLIGHTS_APART = timedelta(minutes=30)
@@ -223,6 +226,37 @@ def _overlap(survey: Survey) -> Iterator[Finding]:
         )
 
 
+def _lines(survey: Survey) -> Iterator[Finding]:
+    """Look at what photographs share that were not taken one after the other."""
+    if survey.ground is None or len(survey.photos) < 2 * _APART:
+        return
+    common = survey.ground.common
+    known = np.isfinite(survey.ground.corners_m).all(axis=(1, 2))
+    parts, part = connected_components(common >= _JOINED, directed=False)
+    sizes = np.bincount(part[known], minlength=parts)
+    if (sizes > 1).sum() > 1:
+        small = known & (part != sizes.argmax())
+        yield Finding(
+            "warn",
+            f"The flight falls into {(sizes > 1).sum()} parts that show hardly any common ground: one may be turned "
+            "against the other, or be left out.",
+            "Fly between them.",
+            _named(survey, small),
+        )
+        return
+    apart = common.tocoo()
+    away = np.abs(apart.row - apart.col) >= _APART
+    best = np.zeros(len(known))
+    np.maximum.at(best, apart.row[away], apart.data[away])
+    sideways = float(np.median(best[known])) if known.any() else 1.0
+    if sideways < _WANTED_SIDEWAYS:
+        yield Finding(
+            "warn",
+            f"Lines of the flight overlap sideways by {sideways:.0%} (median).",
+            "Fly lines closer together: 60 % or more gives the ground between them depth from several sides.",
+        )
+
+
 def _gaps(survey: Survey) -> Iterator[Finding]:
     ground = survey.ground
     if ground is None or not ground.inside.any():
@@ -242,7 +276,9 @@ def _times(survey: Survey) -> Iterator[Finding]:
     known = [time for time in times if time is not None]
     if 0 < len(known) < len(times):
         yield Finding(
-            "note", f"{_photographs(len(times) - len(known))} without a time: the order is that of the names.", "Nothing."
+            "note",
+            f"{_photographs(len(times) - len(known))} without a time: the order is that of the names.",
+            "Nothing.",
         )
         return
     flights = 1 + sum(after - before > _FLIGHTS_APART for before, after in pairwise(known))
@@ -260,5 +296,5 @@ def _photographs(count: SupportsInt) -> str:
 
 
 _RULES: Sequence[Callable[[Survey], Iterator[Finding]]] = (
-    _count, _unusable, _overlap, _gaps, _blur, _exposure, _positions, _cameras, _times,
+    _count, _unusable, _overlap, _lines, _gaps, _blur, _exposure, _positions, _cameras, _times,
 )  # fmt: skip

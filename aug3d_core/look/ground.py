@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import sparse
+from scipy.spatial import cKDTree
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.look.glance import Glance
 from aug3d_core.look.neighbours import Step
 
 _AROUND = 3  # photographs before and after one that say where it should be
-_WILD_STEPS, _WILD_M, _WILD_UP_M = 10.0, 50.0, 60.0  # farther away than both of the first two, or than the last in height
+_WILD_STEPS, _WILD_M, _WILD_UP_M = (
+    10.0,
+    50.0,
+    60.0,
+)  # farther away than both of the first two, or than the last in height
 _LEAST_MOVED, _LEAST_OVERLAP = 0.05, 0.3  # of a step that tells how large the ground in a picture is
 _ALIKE = 0.25  # by how much the scale of such a step may differ from 1
 _CONTRADICTS = 4.0  # widths of ground that a position is off, where the pictures overlap
@@ -30,9 +37,9 @@ class Ground:
     """A map in metres east and north of the middle of the flight.
 
     enu_m: of cameras, NaN without a position. wild: positions that cannot be right. yaw_deg: clockwise from north, NaN if
-    unknown. height_m: above the ground. width_m: of the ground that a photograph shows. height_from: what told them, "" if nothing.
-    corners_m: of the ground that each shows, NaN if unknown. seen: by how many photographs, per cell from south-west, [north,
-    east]. inside: cells that the flight encloses.
+    unknown. height_m: above the ground. width_m: of the ground that a photograph shows. height_from: what told the heights, ""
+    if nothing. corners_m: of the ground that each shows, NaN if unknown. seen: by how many photographs, per cell from the
+    south-west, [north, east]. inside: cells that the flight encloses.
     """
 
     enu_m: Float[np.ndarray, "n 3"]
@@ -51,6 +58,20 @@ class Ground:
     def placed(self) -> Bool[np.ndarray, " n"]:
         """Which photographs have a position that may be right."""
         return np.isfinite(self.enu_m[:, 0]) & ~self.wild
+
+    @cached_property
+    def common(self) -> sparse.csr_array:
+        """How much of the ground that a photograph shows another one shows too, for all pairs that have any in common."""
+        whole = np.flatnonzero(np.isfinite(self.corners_m).all(axis=(1, 2)))
+        corners = self.corners_m[whole].astype(np.float32)
+        middle = corners.mean(axis=1)
+        reach = float(np.linalg.norm(corners - middle[:, None], axis=-1).max(initial=0.0))
+        pairs = cKDTree(middle).query_pairs(2 * reach, output_type="ndarray") if len(whole) else np.zeros((0, 2), int)
+        area = np.array([cv2.contourArea(one) for one in corners]).clip(1e-9)
+        both = np.array([cv2.intersectConvexConvex(corners[i], corners[j])[0] for i, j in pairs])
+        ends, size = whole[np.concatenate([pairs, pairs[:, ::-1]])], (len(self.corners_m),) * 2
+        shares = np.concatenate([both / area[pairs[:, 0]], both / area[pairs[:, 1]]])
+        return sparse.csr_array((shares, (ends[:, 0], ends[:, 1])), shape=size)
 
     @property
     def gaps(self) -> Bool[np.ndarray, "y x"]:
@@ -99,10 +120,7 @@ def _width(steps: Sequence[Step], step_m: Float[np.ndarray, " m"]) -> float:
     tells = [
         metres / step.length
         for step, metres in zip(steps, step_m, strict=True)
-        if metres > 0
-        and step.overlap > _LEAST_OVERLAP
-        and step.length > _LEAST_MOVED
-        and abs(step.scale - 1) < _ALIKE
+        if metres > 0 and step.overlap > _LEAST_OVERLAP and step.length > _LEAST_MOVED and abs(step.scale - 1) < _ALIKE
     ]
     return _median(np.array(tells))
 
@@ -115,17 +133,13 @@ def _median(values: Float[np.ndarray, " n"]) -> float:
 
 def _contradicted(steps: Sequence[Step], step_m: Float[np.ndarray, " m"], width_m: float) -> Bool[np.ndarray, " n"]:
     """Return which positions lie far from those of all neighbours with which their pictures overlap."""
-    says = [
-        step.overlap > _LEAST_OVERLAP and np.isfinite(metres) for step, metres in zip(steps, step_m, strict=True)
-    ]
+    says = [step.overlap > _LEAST_OVERLAP and np.isfinite(metres) for step, metres in zip(steps, step_m, strict=True)]
     far = [said and metres > _CONTRADICTS * width_m for said, metres in zip(says, step_m, strict=True)]
     around = [(slice(max(i - 1, 0), i + 1)) for i in range(len(steps) + 1)]
     return np.array([sum(says[one]) == 2 and all(far[one]) for one in around], bool)
 
 
-def _yaws(
-    photos: Sequence[Glance], steps: Sequence[Step], enu_m: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
+def _yaws(photos: Sequence[Glance], steps: Sequence[Step], enu_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Return where the upper edge of each picture points: by how picture and drone move together, or by its header.
 
     Pictures first, as long as they look down: some were turned later, and their header does not know.

@@ -25,7 +25,12 @@ _SEEN = (  # how many photographs see a place, from so many on: colour
     (0, (196, 50, 40)), (3, (233, 170, 60)), (5, (160, 200, 90)), (9, (46, 140, 80)),
 )  # fmt: skip
 _ALPHA_INSIDE, _ALPHA_OUTSIDE = 200, 70
-_WORDS = {"stop": ("refused", "will not work"), "warn": ("degraded", "look at it"), "note": ("ok", "good to know")}
+_WORDS = {
+    "stop": ("refused", "will not work"),
+    "warn": ("degraded", "look at it"),
+    "note": ("ok", "good to know"),
+    "none": ("ok", "looks good"),
+}
 _STYLE = """<style>
 .finding{border-left:4px solid currentColor;padding:4px 0 4px 14px;margin:12px 0}.finding>*{color:var(--ink)}
 .finding>.badge{color:inherit;border:0;padding:0}.finding p{margin:2px 0}.finding .do{color:var(--dim)}
@@ -45,7 +50,7 @@ _STYLE = """<style>
 
 def look_page(survey: Survey, findings: Sequence[Finding], costs: Mapping[str, Cost]) -> str:
     """Return the page."""
-    worst = findings[0].weight if findings else "note"
+    worst = findings[0].weight if findings else "none"
     title = f"First look: {'/'.join(survey.folder.parts[-2:]).lstrip('/')}"
     top = tag("div", tag("h1", escape(title)) + _badge(worst), class_="top")
     parts = [top, tag("p", tag("b", escape(verdict_of(findings)))), _facts(survey)]
@@ -82,7 +87,9 @@ def _facts(survey: Survey) -> str:
     overlaps = survey.overlaps[survey.overlaps > 0]
     if len(overlaps):
         facts.append(("overlap of neighbours", f"{np.median(overlaps):.0%}"))
-    return tag("div", "".join(tag("span", f"{name} {tag('b', escape(value))}") for name, value in facts), class_="facts")
+    return tag(
+        "div", "".join(tag("span", f"{name} {tag('b', escape(value))}") for name, value in facts), class_="facts"
+    )
 
 
 def _finding(one: Finding) -> str:
@@ -160,7 +167,11 @@ def _charts(survey: Survey) -> str:
     if survey.ground is not None and np.isfinite(survey.ground.enu_m[:, 2]).any():
         series.append(("Height by GPS, about the median [m]", list(survey.ground.enu_m[:, 2])))
     drawn = "".join(
-        tag("div", tag("h3", escape(name)) + curve(list(enumerate(map(float, values))), name, "photograph"), class_="card")
+        tag(
+            "div",
+            tag("h3", escape(name)) + curve(list(enumerate(map(float, values))), name, "photograph"),
+            class_="card",
+        )
         for name, values in series
     )
     return tag("div", drawn, class_="curves")
@@ -200,7 +211,11 @@ def _pictures(survey: Survey) -> str:
         caption = escape(photo.name) + (f" {tag('span', ', '.join(says), class_='bad')}" if says else "")
         figures.append(tag("figure", image + tag("figcaption", caption), id=f"p{i}"))
     left = int((~shown).sum())
-    told = tag("p", f"Of {number(left)} more, with which nothing is wrong, no picture is shown.", class_="dim") if left else ""
+    told = (
+        tag("p", f"Of {number(left)} more, with which nothing is wrong, no picture is shown.", class_="dim")
+        if left
+        else ""
+    )
     return tag("div", "".join(figures), class_="photos") + told
 
 

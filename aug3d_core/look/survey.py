@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -41,13 +40,8 @@ class Survey:
         by_picture = np.array([step.overlap for step in self.steps])
         if self.ground is None:
             return by_picture
-        corners = self.ground.corners_m.astype(np.float32)
-        common = np.full(len(self.steps), np.nan)
-        for i in range(len(common)):
-            if np.isfinite(corners[i : i + 2]).all():
-                area, _ = cv2.intersectConvexConvex(corners[i], corners[i + 1])
-                common[i] = area / max(cv2.contourArea(corners[i]), 1e-9)
-        return np.where(np.isfinite(common), common, by_picture)
+        known = np.isfinite(self.ground.corners_m).all(axis=(1, 2))
+        return np.where(known[:-1] & known[1:], self.ground.common.diagonal(1), by_picture)
 
 
 def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey:

@@ -102,7 +102,9 @@ def _picture(shot: Shot) -> Image.Image:
     middle = np.array(ground().size) / 2 + np.array([shot.east_m, -shot.north_m]) / METRES
     corner = middle - scale * (right * SIZE_PX[0] / 2 - up * SIZE_PX[1] / 2)
     (ax, ay), (bx, by) = scale * right, -scale * up
-    return ground().transform(SIZE_PX, Image.Transform.AFFINE, (ax, bx, corner[0], ay, by, corner[1]), Image.Resampling.BICUBIC)
+    return ground().transform(
+        SIZE_PX, Image.Transform.AFFINE, (ax, bx, corner[0], ay, by, corner[1]), Image.Resampling.BICUBIC
+    )
 
 
 def dji(shot: Shot) -> bytes:

@@ -9,8 +9,14 @@ import pytest
 
 from aug3d_core.photos.xmp import Attitude, read_attitude
 
-DJI = b'<rdf:Description drone-dji:RelativeAltitude="+39.80" drone-dji:GimbalYawDegree="-132.00" drone-dji:GimbalPitchDegree="-89.90"/>'
-ELEMENTS = b"<drone-dji:RelativeAltitude>12</drone-dji:RelativeAltitude><drone-dji:GimbalYawDegree>7.5</drone-dji:GimbalYawDegree>"
+DJI = (
+    b'<rdf:Description drone-dji:RelativeAltitude="+39.80" drone-dji:GimbalYawDegree="-132.00"'
+    b' drone-dji:GimbalPitchDegree="-89.90"/>'
+)
+ELEMENTS = (
+    b"<drone-dji:RelativeAltitude>12</drone-dji:RelativeAltitude>"
+    b"<drone-dji:GimbalYawDegree>7.5</drone-dji:GimbalYawDegree>"
+)
 AUTEL = b"<Camera:Pitch>-45</Camera:Pitch> <Camera:Yaw>10</Camera:Yaw> drone:RelativeAltitude='30.5'"
 
 
@@ -25,7 +31,7 @@ def attitude(packet: object) -> Attitude:
 def test_attributes_and_elements_are_read(packet: bytes, yaw: float, pitch: float, above: float) -> None:
     found = attitude(packet)
     assert (found.yaw_deg, found.above_start_m) == (yaw, above)
-    assert found.pitch_deg == pitch or math.isnan(pitch) and math.isnan(found.pitch_deg)
+    assert found.pitch_deg == pitch or (math.isnan(pitch) and math.isnan(found.pitch_deg))
 
 
 @pytest.mark.parametrize(
