@@ -202,6 +202,21 @@ def bench_machines(
     _bench("machines", home, preset, set_, as_json, measure)
 
 
+@bench.command("look")
+def bench_look(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """A first look at photographs: seconds, heights against the truth, and what was spoiled on purpose (five minutes).
+
+    Killed half way? Run it again: towns that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import look
+
+        return Measurement(look.figures(store, scene, say))
+
+    _bench("look", home, preset, set_, as_json, measure)
+
+
 @bench.command("scale")
 def bench_scale(
     home: Home = HOME,

@@ -60,16 +60,24 @@ def verdict_of(findings: Sequence[Finding]) -> str:
 
 
 def blurred(survey: Survey) -> Bool[np.ndarray, " n"]:
-    """Return which photographs are much less sharp than those around them."""
+    """Return which photographs are much less sharp than those around them, as they are and at the same brightness."""
     sharpness = np.array([photo.sharpness for photo in survey.photos])
-    return sharpness < _BLURRED * _usual_around(sharpness)
+    ways = (
+        sharpness,
+        sharpness / _brightness(survey) ** 2,
+    )  # an exposure scales differences, until a camera evens them out
+    return np.all([one < _BLURRED * _usual_around(one) for one in ways], axis=0)
 
 
 def exposed_unlike(survey: Survey) -> Bool[np.ndarray, " n"]:
     """Return which photographs are much brighter or darker than those around them."""
-    brightness = np.array([photo.brightness for photo in survey.photos]).clip(1 / 255)
+    brightness = _brightness(survey)
     usual = _usual_around(brightness)
     return np.maximum(brightness / usual, usual / brightness) > _BRIGHTER
+
+
+def _brightness(survey: Survey) -> Float[np.ndarray, " n"]:
+    return np.array([photo.brightness for photo in survey.photos]).clip(1 / 255)
 
 
 def _usual_around(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -129,8 +137,7 @@ def _exposure(survey: Survey) -> Iterator[Finding]:
             "Look at them; such a picture is evened out, as far as it can be.",
             _named(survey, unlike),
         )
-    brightness = np.array([photo.brightness for photo in survey.photos]).clip(1 / 255)
-    darkest, brightest = np.quantile(brightness, [0.1, 0.9])
+    darkest, brightest = np.quantile(_brightness(survey), [0.1, 0.9])
     if brightest > _UNEVEN * darkest:
         yield Finding(
             "warn",
