@@ -1,12 +1,18 @@
-"""A scene's groups for the original pixelNeRF code: written, and how to go on with them."""
+"""What a scene is for others: its groups for the original pixelNeRF code, its map. Written, and how to go on with them."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
+
+from aug3d_core.poses.recognise import MAP
+from aug3d_core.store.scenes import object_of
+from aug3d_core.store.store import Store
 
 _SAME_CAMERA_PX = 0.5
 
@@ -28,3 +34,31 @@ def export_groups(dataset: Path, folder: Path, as_json: bool) -> None:
         )
     print(f"\nnext  python train/train.py -n my_scene -c conf/exp/dtu.conf -D {folder} -V 3   (in pixelNeRF's folder)")
     print(f"      python eval/eval.py -n my_scene -c conf/exp/dtu.conf -D {folder} --split test -P '1 2 3'")
+
+
+def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: bool) -> None:
+    """Write the map of a scene, and tell it."""
+    from aug3d_core.export import maps  # with rasterio and open3d, which other commands do without
+
+    records = [object_of(store, version, step) for step in ("sfm", "surface", "photos")]
+    read = [store.files_dir(record, maps.read_of(record)) for record in records]
+    console = Console(stderr=True)
+    with console.status("drawing the map ...") as status:
+        written = maps.export_map(
+            *read, folder, lambda done, total: status.update(f"drawing the map: {done} of {total} rows")
+        )
+    if as_json:
+        print(json.dumps({"folder": str(folder), "format": MAP, **asdict(written)}))
+        return
+    size = f"{written.width_px:,} x {written.height_px:,} px of {written.pixel:g} {written.unit}"
+    print(
+        f"{maps.ORTHOPHOTO}, {maps.SURFACE_MODEL} ({size}, {written.covered:.0%} covered) and {maps.CAMERAS} are in {folder}"
+    )
+    if written.crs:
+        print(
+            f"reference system: {written.crs}. As true as the photographs' GPS: metres, without ground control points"
+        )
+    else:
+        Console().print(
+            "[yellow]note[/] no GPS: the map has no reference system, and its unit is the scene's", soft_wrap=True
+        )

@@ -1,0 +1,243 @@
+"""A scene's mesh seen from straight above -> an orthophoto and a surface model for geographic programs, and its cameras.
+
+The mesh is the one that judges the model, of all photographs but those held out, since it covers the ground of the test too.
+
+Both pictures are cloud-optimised GeoTIFF. With positions by GPS they lie in the UTM zone of the scene (WGS 84); without, in the
+scene's own world and units, and say so by having no reference system. Heights are metres on the datum of the photographs' GPS.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from jaxtyping import Float, UInt8
+from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
+from rasterio.transform import Affine
+from rasterio.warp import transform
+from rasterio.windows import Window
+
+from aug3d_core.export.target_folder import check_empty
+from aug3d_core.geometry.geodesy import geodetic_from_enu
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.raycast import Raycaster
+from aug3d_core.geometry.textured import TexturedMesh
+from aug3d_core.geometry.transforms import centres
+from aug3d_core.geometry.views import Views
+from aug3d_core.photos.files import PHOTO_TABLE, read_photos
+from aug3d_core.report.top_view import frame_of
+from aug3d_core.run.errors import StoreError
+from aug3d_core.sfm.files import VIEWS, WORLD
+from aug3d_core.store.record import Record
+from aug3d_core.surface.files import BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH
+
+ORTHOPHOTO, SURFACE_MODEL, CAMERAS = "orthophoto.tif", "surface_model.tif", "cameras.geojson"
+_READ = {
+    "sfm": (VIEWS, WORLD),
+    "surface": (BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH),
+    "photos": (PHOTO_TABLE,),
+}
+_STRIP_ROWS, _BLOCK_PX = 256, 512
+_NO_HEIGHT = -9999.0
+_WGS84, _UTM_NORTH, _UTM_SOUTH = 4326, 32600, 32700  # EPSG; zones are added
+_FITTED = 9  # places along each side of the scene that fit the grid of the map to the world
+_LARGEST_OFF = 0.25  # of a pixel: so far the fit may be off, or the scene is too large to count as flat
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class MapWritten:
+    """What was written. crs: such as EPSG:32632, "" without positions. pixel: its side, in `unit`.
+
+    covered: share of the picture that shows ground.
+    """
+
+    crs: str
+    unit: str
+    pixel: float
+    width_px: int
+    height_px: int
+    covered: float
+    cameras: int
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The pixels of a map. world_from_map: world x, y of map coordinates (easting, northing, 1)."""
+
+    crs: CRS | None
+    pixels: Affine
+    width: int
+    height: int
+    world_from_map: Float[np.ndarray, "2 3"]
+
+    def world_xy(self, top: int, rows: int) -> Float[np.ndarray, "r w 2"]:
+        """Return where the middles of the pixels of some rows lie in the world."""
+        x, y = np.meshgrid(np.arange(self.width) + 0.5, top + np.arange(rows) + 0.5)
+        east, north = self.pixels.a * x + self.pixels.c, self.pixels.e * y + self.pixels.f
+        return np.stack([east, north, np.ones_like(east)], axis=-1) @ self.world_from_map.T
+
+
+def read_of(record: Record) -> list[str]:
+    """Return the files that `export_map` reads of an output of a stage."""
+    return [name for name in record.files if name in _READ[record.stage]]
+
+
+def export_map(
+    sfm: Path, surface: Path, photos: Path, folder: Path, progress: Progress = lambda *_: None
+) -> MapWritten:
+    """Write the map of a scene.
+
+    Raises UsageError if the folder is not empty, StoreError if files are missing, or the scene is too large for one map.
+    """
+    check_empty(folder)
+    for path in (sfm / VIEWS, sfm / WORLD, surface / BASELINE_MESH):
+        if not path.is_file():
+            raise StoreError(f"{path} is missing", "run the scene again, then export it")
+    views, world = Views.load(sfm / VIEWS), json.loads((sfm / WORLD).read_text())
+    textured = (surface / BASELINE_TEXTURED_MESH).is_file()
+    mesh = (
+        TexturedMesh.load(surface / BASELINE_TEXTURED_MESH, surface / BASELINE_MESH_TEXTURE)
+        if textured
+        else Mesh.load(surface / BASELINE_MESH)
+    )
+    origin = _origin(world)
+    grid = _grid(mesh, views, origin)
+    folder.mkdir(parents=True, exist_ok=True)
+    covered = _write(mesh, grid, origin, folder, progress)
+    _write_cameras(views, photos, origin, folder / CAMERAS)
+    crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
+    return MapWritten(crs, world["unit"], grid.pixels.a, grid.width, grid.height, covered, len(views))
+
+
+def _origin(world: dict) -> Float[np.ndarray, " 3"] | None:
+    """Return latitude, longitude and altitude of the world's origin; None where no GPS told it."""
+    told = world["origin"]
+    return np.array([told["lat_deg"], told["lon_deg"], told["alt_m"] or 0.0]) if told and world["metric"] else None
+
+
+def _grid(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> _Grid:
+    """Lay pixels over the mesh, as large as the photographs show the ground."""
+    at = centres(views.cam_from_world)
+    on_ground = np.asarray(mesh.xyz[:, :2], float)
+    frame = frame_of(on_ground, at[:, :2], 1)
+    ends = np.maximum(frame.low, on_ground.min(axis=0)), np.minimum(frame.high, on_ground.max(axis=0))
+    above = np.abs(at[:, 2] - np.median(mesh.xyz[:, 2]))
+    pixel = _round(float(np.median(above / views.intrinsics[:, 0])))
+    side = np.linspace(0, 1, _FITTED)
+    places = np.stack(np.meshgrid(*(low + side * (high - low) for low, high in zip(*ends, strict=True))), -1)
+    places = places.reshape(-1, 2)
+    crs, mapped = (None, places) if origin is None else _utm(places, origin)
+    middle = mapped.mean(axis=0)  # eastings of millions would cost the fit its digits
+    ones = np.ones((len(places), 1))
+    fit, *_ = np.linalg.lstsq(np.hstack([mapped - middle, ones]), places, rcond=None)
+    if np.abs(np.hstack([mapped - middle, ones]) @ fit - places).max() > _LARGEST_OFF * pixel:
+        raise StoreError("the scene is too large to be drawn as one flat map", "run it in parts, and export each")
+    world_from_map = np.column_stack([fit[:2].T, fit[2] - fit[:2].T @ middle])
+    left, bottom = np.floor(mapped.min(axis=0) / pixel) * pixel
+    right, top = np.ceil(mapped.max(axis=0) / pixel) * pixel
+    width, height = round((right - left) / pixel), round((top - bottom) / pixel)
+    return _Grid(crs, Affine(pixel, 0, left, 0, -pixel, top), width, height, world_from_map)
+
+
+def _utm(places: Float[np.ndarray, "n 2"], origin: Float[np.ndarray, " 3"]) -> tuple[CRS, Float[np.ndarray, "n 2"]]:
+    """Return the UTM zone of the origin, and places of the world in it."""
+    zone = int((origin[1] + 180) // 6) % 60 + 1
+    crs = CRS.from_epsg((_UTM_NORTH if origin[0] >= 0 else _UTM_SOUTH) + zone)
+    lat, lon, _ = geodetic_from_enu(np.column_stack([places, np.zeros(len(places))]), origin).T
+    east, north = transform(CRS.from_epsg(_WGS84), crs, lon, lat)
+    return crs, np.column_stack([east, north])
+
+
+def _round(pixel: float) -> float:
+    """Return a size with two digits."""
+    power = 10.0 ** (np.floor(np.log10(pixel)) - 1)
+    return float(np.ceil(pixel / power - 1e-9) * power)
+
+
+def _write(
+    mesh: TexturedMesh | Mesh, grid: _Grid, origin: Float[np.ndarray, " 3"] | None, folder: Path, progress: Progress
+) -> float:
+    """Write both pictures strip by strip, so that memory does not grow with the scene; return the share that shows ground."""
+    usual = {
+        "driver": "GTiff", "width": grid.width, "height": grid.height, "crs": grid.crs, "transform": grid.pixels,
+        "tiled": True, "blockxsize": _STRIP_ROWS, "blockysize": _STRIP_ROWS, "compress": "deflate", "BIGTIFF": "IF_SAFER",
+    }  # fmt: skip
+    parts = [folder / f".{name}.part" for name in (ORTHOPHOTO, SURFACE_MODEL)]
+    seen = 0
+    try:
+        with (
+            rasterio.open(
+                parts[0], "w", count=4, dtype="uint8", photometric="RGB", alpha="unspecified", **usual
+            ) as photo,
+            rasterio.open(parts[1], "w", count=1, dtype="float32", nodata=_NO_HEIGHT, **usual) as model,
+        ):
+            photo.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
+            for top, rgba, heights in _strips(mesh, grid, origin):
+                window = Window(0, top, grid.width, len(rgba))  # pyright: ignore[reportCallIssue]
+                photo.write(np.moveaxis(rgba, -1, 0), window=window)
+                model.write(heights, 1, window=window)
+                seen += int((rgba[..., 3] > 0).sum())
+                progress(top + len(rgba), grid.height)
+        for part, name, resampling in zip(parts, (ORTHOPHOTO, SURFACE_MODEL), ("average", "nearest"), strict=True):
+            rasterio.shutil.copy(
+                part,
+                folder / name,
+                driver="COG",
+                compress="deflate",
+                blocksize=_BLOCK_PX,
+                overview_resampling=resampling,
+            )
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
+    return seen / (grid.width * grid.height)
+
+
+def _strips(
+    mesh: TexturedMesh | Mesh, grid: _Grid, origin: Float[np.ndarray, " 3"] | None
+) -> Iterator[tuple[int, UInt8[np.ndarray, "r w 4"], Float[np.ndarray, "r w"]]]:
+    """Yield the first row, the colours and the heights of strips: what straight rays from above meet first."""
+    caster = Raycaster(np.asarray(mesh.xyz, float), mesh.triangles)
+    above = float(mesh.xyz[:, 2].max()) + 1.0
+    for top in range(0, grid.height, _STRIP_ROWS):
+        xy = grid.world_xy(top, min(_STRIP_ROWS, grid.height - top))
+        from_above = np.concatenate([xy, np.full((*xy.shape[:2], 1), above)], axis=-1)
+        hits = caster.cast(from_above, np.array([0.0, 0.0, -1.0]))
+        hit = hits.triangle >= 0
+        rgba = np.zeros((*hit.shape, 4), np.uint8)
+        colours = mesh.colour_at(hits.triangle[hit], hits.weights[hit])
+        rgba[hit, :3], rgba[hit, 3] = np.rint(colours).clip(0, 255).astype(np.uint8), 255
+        heights = np.full(hit.shape, _NO_HEIGHT, np.float32)
+        places = np.column_stack([xy[hit], above - hits.distance[hit]])
+        heights[hit] = places[:, 2] if origin is None else geodetic_from_enu(places, origin)[:, 2]
+        yield top, rgba, heights
+
+
+def _write_cameras(views: Views, photos: Path, origin: Float[np.ndarray, " 3"] | None, file: Path) -> None:
+    """Write where each photograph was taken, as points; in the world's units where no GPS tells where that is."""
+    table = read_photos(photos)
+    names = dict(zip(table["photo_id"], table["name"], strict=True))
+    at = centres(views.cam_from_world)
+    where = at if origin is None else geodetic_from_enu(at, origin)[:, [1, 0, 2]]
+    looks = views.cam_from_world[:, 2, :3]
+    features = [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": [round(float(value), 8) for value in place]},
+            "properties": {
+                "name": names[photo],
+                "yaw_deg": round(float(np.degrees(np.arctan2(look[0], look[1]))) % 360, 2),
+                "pitch_deg": round(float(np.degrees(np.arcsin(np.clip(look[2], -1, 1)))), 2),
+            },
+        }
+        for photo, place, look in zip(views.photo_id.tolist(), where, looks, strict=True)
+    ]
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1))

@@ -1,0 +1,174 @@
+"""What is where on a map: places known by their coordinates on earth are found there, by colour and by height."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import rasterio
+from PIL import Image
+from rasterio.warp import transform
+
+from aug3d_core.export.maps import CAMERAS, ORTHOPHOTO, SURFACE_MODEL, MapWritten, export_map
+from aug3d_core.geometry.geodesy import geodetic_from_enu
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.textured import TexturedMesh
+from aug3d_core.geometry.transforms import look_at
+from aug3d_core.geometry.views import Views
+from aug3d_core.run.errors import StoreError, UsageError
+
+ORIGIN = {"lat_deg": 46.9, "lon_deg": 7.5, "alt_m": 538.0}
+HALF_M, ROOF_M, HIGH_M = 40.0, 12.0, 100.0
+FLAG = np.array([(-30.0, -30.0), (-30.0, 30.0), (30.0, -30.0), (30.0, 30.0)])  # places in the middle of a quarter
+COLOURS = np.array([(200, 30, 30), (30, 200, 30), (30, 30, 200), (200, 200, 30)], np.uint8)
+
+
+def squares(*of: tuple[float, float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return level squares (x, y, half a side, height)."""
+    xyz = np.concatenate(
+        [[(x - h, y - h, z), (x + h, y - h, z), (x + h, y + h, z), (x - h, y + h, z)] for x, y, h, z in of]
+    )
+    triangles = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * i for i in range(len(of))])
+    return xyz, triangles
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> tuple[Path, Path, Path]:
+    """Write a scene of a square of four colours with a roof in its middle, and four cameras above it."""
+    sfm, surface, photos = (tmp_path / name for name in ("sfm", "surface", "photos"))
+    for folder in (sfm, surface, photos):
+        folder.mkdir()
+    at = np.array([(-20.0, -20, HIGH_M), (20, -20, HIGH_M), (20, 20, HIGH_M), (-20, 20, HIGH_M)])
+    poses = np.stack([look_at(eye, eye * [1, 1, 0] + [0, 0.01, 0]) for eye in at])
+    Views(np.arange(4), poses, np.tile([500.0, 500, 320, 240], (4, 1)), np.tile([640, 480], (4, 1))).save(
+        sfm / "views.npz"
+    )
+    world(sfm, ORIGIN)
+    xyz, triangles = squares((0, 0, HALF_M, 0), (0, 0, 10, ROOF_M))
+    picture = np.zeros((400, 400, 3), np.uint8)
+    picture[200:, :200], picture[:200, :200], picture[200:, 200:], picture[:200, 200:] = COLOURS
+    uv = (xyz[:, :2] + HALF_M) / (2 * HALF_M)
+    Mesh(xyz.astype(np.float32), np.zeros((8, 3), np.uint8), triangles).save(surface / "baseline_mesh.ply")
+    TexturedMesh(xyz, triangles, uv[triangles], picture).save(
+        surface / "baseline_mesh_textured.npz", surface / "baseline_mesh_texture.png"
+    )
+    pd.DataFrame({"photo_id": range(4), "name": [f"{i}.jpg" for i in range(4)]}).to_parquet(photos / "photos.parquet")
+    return sfm, surface, photos
+
+
+def world(sfm: Path, origin: dict | None) -> None:
+    unit = "m" if origin else "unit"
+    (sfm / "world.json").write_text(json.dumps({"metric": bool(origin), "unit": unit, "origin": origin}))
+
+
+def written(scene: tuple[Path, Path, Path], folder: Path) -> MapWritten:
+    return export_map(*scene, folder)
+
+
+def on_earth(places: np.ndarray, origin: dict) -> tuple[np.ndarray, ...]:
+    """Return longitude, latitude and altitude."""
+    lat, lon, alt = geodetic_from_enu(places, np.array([*origin.values()])).T
+    return lon, lat, alt
+
+
+@pytest.mark.parametrize(
+    "origin", [ORIGIN, {"lat_deg": -33.9, "lon_deg": 151.2, "alt_m": 20.0}], ids=["north", "south"]
+)
+def test_places_on_earth_have_their_colour_and_height(
+    scene: tuple[Path, Path, Path], tmp_path: Path, origin: dict
+) -> None:
+    world(scene[0], origin)
+    told = written(scene, tmp_path / "map")
+    zone = 32 if origin is ORIGIN else 56
+    assert told.crs == f"EPSG:{32600 + zone if origin['lat_deg'] > 0 else 32700 + zone}" and told.unit == "m"
+    assert told.pixel == pytest.approx(HIGH_M / 500, rel=0.1) and told.covered > 0.9
+    lon, lat, _ = on_earth(np.column_stack([FLAG, np.zeros(4)]), origin)
+    with (
+        rasterio.open(tmp_path / "map" / ORTHOPHOTO) as photo,
+        rasterio.open(tmp_path / "map" / SURFACE_MODEL) as model,
+    ):
+        east, north = transform("EPSG:4326", photo.crs, lon, lat)
+        found = np.array([*photo.sample(zip(east, north, strict=True))])
+        assert (found[:, :3] == COLOURS).all() and (found[:, 3] == 255).all()
+        ground = np.array([*model.sample(zip(east, north, strict=True))])[:, 0]
+        assert ground == pytest.approx(origin["alt_m"], abs=0.01)
+        assert photo.overviews(1) == [] or photo.overviews(1)[0] == 2
+        assert photo.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+
+
+def test_edges_lie_within_half_a_pixel(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    told = written(scene, tmp_path / "map")
+    with rasterio.open(tmp_path / "map" / SURFACE_MODEL) as model:
+        heights = model.read(1)
+        row, column = np.nonzero(heights > ORIGIN["alt_m"] + ROOF_M / 2)
+        east, north = map(np.asarray, model.xy(row, column))
+        lon, lat = transform(model.crs, "EPSG:4326", [east.mean()], [north.mean()])
+        true_lon, true_lat, _ = on_earth(np.array([[0.0, 0.0, 0.0]]), ORIGIN)
+        off_m = np.array([(lon[0] - true_lon[0]) * np.cos(np.radians(46.9)), lat[0] - true_lat[0]]) * 111_320
+        assert np.abs(off_m).max() < told.pixel / 2
+        assert len(row) * told.pixel**2 == pytest.approx(400, rel=0.02), "a roof of 20 x 20 m"
+        assert heights.max() == pytest.approx(ORIGIN["alt_m"] + ROOF_M, abs=0.01)
+
+
+def test_cameras_are_points_on_earth(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    written(scene, tmp_path / "map")
+    features = json.loads((tmp_path / "map" / CAMERAS).read_text())["features"]
+    lon, lat, alt = on_earth(np.array([[-20.0, -20.0, HIGH_M]]), ORIGIN)
+    assert features[0]["geometry"]["coordinates"] == pytest.approx([lon[0], lat[0], alt[0]], abs=1e-6)
+    assert [one["properties"]["name"] for one in features] == ["0.jpg", "1.jpg", "2.jpg", "3.jpg"]
+    assert all(one["properties"]["pitch_deg"] == pytest.approx(-90, abs=0.1) for one in features)
+
+
+def test_without_gps_the_map_is_in_the_scenes_own_world(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    world(scene[0], None)
+    told = written(scene, tmp_path / "map")
+    assert (told.crs, told.unit) == ("", "unit")
+    with rasterio.open(tmp_path / "map" / ORTHOPHOTO) as photo:
+        assert photo.crs is None
+        assert (np.array([*photo.sample(FLAG)])[:, :3] == COLOURS).all()
+
+
+def test_a_mesh_without_texture_has_its_own_colours(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    (scene[1] / "baseline_mesh_textured.npz").unlink()
+    xyz, triangles = squares((0, 0, HALF_M, 0))
+    Mesh(xyz.astype(np.float32), np.full((4, 3), (9, 80, 7), np.uint8), triangles).save(scene[1] / "baseline_mesh.ply")
+    written(scene, tmp_path / "map")
+    picture = np.asarray(Image.open(tmp_path / "map" / ORTHOPHOTO))  # another program
+    assert (picture[picture[..., 3] > 0][:, :3] == (9, 80, 7)).all()
+
+
+def test_what_no_ray_meets_is_left_empty(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    (scene[1] / "baseline_mesh_textured.npz").unlink()
+    xyz, triangles = squares((-25, 0, 10, 0), (25, 0, 10, 3))
+    Mesh(xyz.astype(np.float32), np.zeros((8, 3), np.uint8), triangles).save(scene[1] / "baseline_mesh.ply")
+    told = written(scene, tmp_path / "map")
+    assert told.covered == pytest.approx(800 / (70 * 20), rel=0.1)
+    with rasterio.open(tmp_path / "map" / SURFACE_MODEL) as model:
+        heights = model.read(1, masked=True)
+        assert heights.mask.mean() == pytest.approx(1 - told.covered, abs=1e-6)
+
+
+def test_nothing_is_overwritten_and_what_is_missing_is_named(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "mine.txt").write_text("mine")
+    with pytest.raises(UsageError, match="not an empty folder"):
+        written(scene, tmp_path / "map")
+    (scene[1] / "baseline_mesh.ply").unlink()
+    with pytest.raises(StoreError, match=r"baseline_mesh.ply is missing"):
+        written(scene, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_scene_too_large_for_a_flat_map_is_refused(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    (scene[1] / "baseline_mesh_textured.npz").unlink()
+    views = Views.load(scene[0] / "views.npz")
+    far = views.cam_from_world.copy()
+    far[2, :, 3] -= far[2, :, :3] @ [400_000.0, 0, 0]
+    Views(views.photo_id, far, views.intrinsics, views.size).save(scene[0] / "views.npz")
+    xyz, triangles = squares((0, 0, 200_000.0, 0))
+    Mesh(xyz.astype(np.float32), np.zeros((4, 3), np.uint8), triangles).save(scene[1] / "baseline_mesh.ply")
+    with pytest.raises(StoreError, match="too large"):
+        written(scene, tmp_path / "map")
