@@ -44,7 +44,7 @@ _READ = {
     "photos": (PHOTO_TABLE,),
 }
 _STRIP_ROWS, _BLOCK_PX = 256, 512
-_NO_HEIGHT = -9999.0
+NO_HEIGHT = -9999.0
 _WGS84, _UTM_NORTH, _UTM_SOUTH = 4326, 32600, 32700  # EPSG; zones are added
 _FITTED = 9  # places along each side of the scene that fit the grid of the map to the world
 _LARGEST_OFF = 0.25  # of a pixel: so far the fit may be off, or the scene is too large to count as flat
@@ -69,8 +69,11 @@ class MapWritten:
 
 
 @dataclass(frozen=True)
-class _Grid:
-    """The pixels of a map. world_from_map: world x, y of map coordinates (easting, northing, 1)."""
+class Grid:
+    """The pixels of a map. crs: None in the scene's own world.
+
+    world_from_map: world x, y of map coordinates (easting, northing, 1).
+    """
 
     crs: CRS | None
     pixels: Affine
@@ -109,7 +112,7 @@ def export_map(
         else Mesh.load(surface / BASELINE_MESH)
     )
     origin = _origin(world)
-    grid = _grid(mesh, views, origin)
+    grid = grid_over(mesh, views, origin)
     folder.mkdir(parents=True, exist_ok=True)
     covered = _write(mesh, grid, origin, folder, progress)
     _write_cameras(views, photos, origin, folder / CAMERAS)
@@ -123,7 +126,7 @@ def _origin(world: dict) -> Float[np.ndarray, " 3"] | None:
     return np.array([told["lat_deg"], told["lon_deg"], told["alt_m"] or 0.0]) if told and world["metric"] else None
 
 
-def _grid(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> _Grid:
+def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> Grid:
     """Lay pixels over the mesh, as large as the photographs show the ground."""
     at = centres(views.cam_from_world)
     on_ground = np.asarray(mesh.xyz[:, :2], float)
@@ -144,7 +147,7 @@ def _grid(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3
     left, bottom = np.floor(mapped.min(axis=0) / pixel) * pixel
     right, top = np.ceil(mapped.max(axis=0) / pixel) * pixel
     width, height = round((right - left) / pixel), round((top - bottom) / pixel)
-    return _Grid(crs, Affine(pixel, 0, left, 0, -pixel, top), width, height, world_from_map)
+    return Grid(crs, Affine(pixel, 0, left, 0, -pixel, top), width, height, world_from_map)
 
 
 def _utm(places: Float[np.ndarray, "n 2"], origin: Float[np.ndarray, " 3"]) -> tuple[CRS, Float[np.ndarray, "n 2"]]:
@@ -163,7 +166,7 @@ def _round(pixel: float) -> float:
 
 
 def _write(
-    mesh: TexturedMesh | Mesh, grid: _Grid, origin: Float[np.ndarray, " 3"] | None, folder: Path, progress: Progress
+    mesh: TexturedMesh | Mesh, grid: Grid, origin: Float[np.ndarray, " 3"] | None, folder: Path, progress: Progress
 ) -> float:
     """Write both pictures strip by strip, so that memory does not grow with the scene; return the share that shows ground."""
     usual = {
@@ -177,10 +180,10 @@ def _write(
             rasterio.open(
                 parts[0], "w", count=4, dtype="uint8", photometric="RGB", alpha="unspecified", **usual
             ) as photo,
-            rasterio.open(parts[1], "w", count=1, dtype="float32", nodata=_NO_HEIGHT, **usual) as model,
+            rasterio.open(parts[1], "w", count=1, dtype="float32", nodata=NO_HEIGHT, **usual) as model,
         ):
             photo.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
-            for top, rgba, heights in _strips(mesh, grid, origin):
+            for top, rgba, heights in strips(mesh, grid, origin):
                 window = Window(0, top, grid.width, len(rgba))  # pyright: ignore[reportCallIssue]
                 photo.write(np.moveaxis(rgba, -1, 0), window=window)
                 model.write(heights, 1, window=window)
@@ -201,8 +204,8 @@ def _write(
     return seen / (grid.width * grid.height)
 
 
-def _strips(
-    mesh: TexturedMesh | Mesh, grid: _Grid, origin: Float[np.ndarray, " 3"] | None
+def strips(
+    mesh: TexturedMesh | Mesh, grid: Grid, origin: Float[np.ndarray, " 3"] | None
 ) -> Iterator[tuple[int, UInt8[np.ndarray, "r w 4"], Float[np.ndarray, "r w"]]]:
     """Yield the first row, the colours and the heights of strips: what straight rays from above meet first."""
     caster = Raycaster(np.asarray(mesh.xyz, float), mesh.triangles)
@@ -215,7 +218,7 @@ def _strips(
         rgba = np.zeros((*hit.shape, 4), np.uint8)
         colours = mesh.colour_at(hits.triangle[hit], hits.weights[hit])
         rgba[hit, :3], rgba[hit, 3] = np.rint(colours).clip(0, 255).astype(np.uint8), 255
-        heights = np.full(hit.shape, _NO_HEIGHT, np.float32)
+        heights = np.full(hit.shape, NO_HEIGHT, np.float32)
         places = np.column_stack([xy[hit], above - hits.distance[hit]])
         heights[hit] = places[:, 2] if origin is None else geodetic_from_enu(places, origin)[:, 2]
         yield top, rgba, heights
