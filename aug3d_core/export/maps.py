@@ -155,8 +155,8 @@ def _utm(places: Float[np.ndarray, "n 2"], origin: Float[np.ndarray, " 3"]) -> t
     zone = int((origin[1] + 180) // 6) % 60 + 1
     crs = CRS.from_epsg((_UTM_NORTH if origin[0] >= 0 else _UTM_SOUTH) + zone)
     lat, lon, _ = geodetic_from_enu(np.column_stack([places, np.zeros(len(places))]), origin).T
-    east, north = transform(CRS.from_epsg(_WGS84), crs, lon, lat)
-    return crs, np.column_stack([east, north])
+    east_north = transform(CRS.from_epsg(_WGS84), crs, lon, lat)
+    return crs, np.column_stack(east_north[:2])
 
 
 def _round(pixel: float) -> float:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.look.glance import Glance
@@ -66,7 +66,7 @@ class Ground:
         corners = self.corners_m[whole].astype(np.float32)
         middle = corners.mean(axis=1)
         reach = float(np.linalg.norm(corners - middle[:, None], axis=-1).max(initial=0.0))
-        pairs = cKDTree(middle).query_pairs(2 * reach, output_type="ndarray") if len(whole) else np.zeros((0, 2), int)
+        pairs = KDTree(middle).query_pairs(2 * reach, output_type="ndarray") if len(whole) else np.zeros((0, 2), int)
         area = np.array([cv2.contourArea(one) for one in corners]).clip(1e-9)
         both = np.array([cv2.intersectConvexConvex(corners[i], corners[j])[0] for i, j in pairs])
         ends, size = whole[np.concatenate([pairs, pairs[:, ::-1]])], (len(self.corners_m),) * 2
@@ -214,7 +214,7 @@ def _coverage(
     seen = np.zeros((rows, columns), int)
     for corners in whole:
         one = np.zeros((rows, columns), np.uint8)
-        cv2.fillConvexPoly(one, np.rint((corners - low) / cell).astype(np.int32), 1)
+        cv2.fillConvexPoly(one, np.rint((corners - low) / cell).astype(np.int32), (1.0,))
         seen += one
     reach = max(round(width_m / 2 / cell), 1)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))

@@ -8,12 +8,14 @@ import warnings
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Protocol, TypeVar, runtime_checkable
 
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
 from aug3d_core.photos.decisions import decisions
 from aug3d_core.photos.decode import Decoded, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
+from aug3d_core.photos.exif import Exif
 from aug3d_core.photos.files import CONTACT_SHEET, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
@@ -56,7 +58,21 @@ def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]
     return list(kept.values()), rejected
 
 
-def capture_order(photos: list[Decoded]) -> list[Decoded]:
+@runtime_checkable
+class Taken(Protocol):
+    """A photograph whose header was read."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def exif(self) -> Exif: ...
+
+
+_Taken = TypeVar("_Taken", bound=Taken)
+
+
+def capture_order(photos: list[_Taken]) -> list[_Taken]:
     """Sort by time, then by name; by name alone if any has no time, for a few times would tear the sequence apart."""
     timed = all(photo.exif.time for photo in photos)
     return sorted(photos, key=lambda photo: (photo.exif.time if timed else 0, natural_key(photo.name)))
