@@ -130,6 +130,8 @@ def _blur(survey: Survey) -> Iterator[Finding]:
 
 
 def _exposure(survey: Survey) -> Iterator[Finding]:
+    if not survey.photos:
+        return
     if (unlike := exposed_unlike(survey)).any():
         yield Finding(
             "warn",

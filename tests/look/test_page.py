@@ -33,6 +33,14 @@ def test_everything_is_on_one_page_that_needs_no_network(tmp_path: Path) -> None
     assert not re.search(r'(?:src|href)="(?!data:|#)', page)
 
 
+def test_a_folder_of_broken_files_has_a_page_that_says_so(tmp_path: Path) -> None:
+    for name in "ab":
+        (tmp_path / f"{name}.jpg").write_bytes(b"no picture")
+    survey = survey_of(tmp_path, lambda *_: None)
+    page = look_page(survey, findings_of(survey), {})
+    assert "0 usable photographs" in page and "2 photographs cannot be used" in page and "will not do" in page
+
+
 @pytest.mark.parametrize("gps", [False, True])
 def test_names_are_text_and_never_markup(tmp_path: Path, gps: bool) -> None:
     name = "<img src=x onerror=alert(1)>&.jpg"
