@@ -1,4 +1,4 @@
-"""What a scene is for others: its groups for the original pixelNeRF code, its map. Written, and how to go on with them."""
+"""What a scene is for others: its groups for the original pixelNeRF code, its map, its mesh."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from aug3d_core.poses.recognise import MAP
+from aug3d_core.poses.recognise import GLB, MAP
 from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 
@@ -40,12 +40,14 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
     """Write the map of a scene, and tell it."""
     from aug3d_core.export import maps  # with rasterio and open3d, which other commands do without
 
-    records = [object_of(store, version, step) for step in ("sfm", "surface", "photos")]
-    read = [store.files_dir(record, maps.read_of(record)) for record in records]
+    sfm, surface, photos = (
+        store.files_dir(record, maps.read_of(record))
+        for record in (object_of(store, version, step) for step in ("sfm", "surface", "photos"))
+    )
     console = Console(stderr=True)
     with console.status("drawing the map ...") as status:
         written = maps.export_map(
-            *read, folder, lambda done, total: status.update(f"drawing the map: {done} of {total} rows")
+            sfm, surface, photos, folder, lambda done, total: status.update(f"drawing the map: {done} of {total} rows")
         )
     if as_json:
         print(json.dumps({"folder": str(folder), "format": MAP, **asdict(written)}))
@@ -62,3 +64,18 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
         Console().print(
             "[yellow]note[/] no GPS: the map has no reference system, and its unit is the scene's", soft_wrap=True
         )
+
+
+def export_model(store: Store, version: Mapping[str, Any], folder: Path, as_json: bool) -> None:
+    """Write the mesh of a scene, and tell it."""
+    from aug3d_core.export import glb  # with trimesh, which other commands do without
+
+    sfm, surface = (
+        store.files_dir(record, glb.read_of(record))
+        for record in (object_of(store, version, step) for step in ("sfm", "surface"))
+    )
+    written = glb.export_glb(sfm, surface, folder)
+    if as_json:
+        print(json.dumps({"folder": str(folder), "format": GLB, **asdict(written)}))
+        return
+    print(f"{glb.MODEL} ({written.triangles:,} triangles, {written.mib:.1f} MiB) and {glb.OFFSET} are in {folder}")

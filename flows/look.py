@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -74,7 +75,7 @@ def look(
         raise typer.Exit(0 if enough else 3)
 
 
-def _told(survey: Survey, findings: list[Finding], costs: dict[str, Cost], out: Path) -> dict[str, Any]:
+def _told(survey: Survey, findings: list[Finding], costs: Mapping[str, Cost], out: Path) -> dict[str, Any]:
     return {
         "photographs": len(survey.photos),
         "findings": [asdict(one) for one in findings],
@@ -85,7 +86,7 @@ def _told(survey: Survey, findings: list[Finding], costs: dict[str, Cost], out: 
     }
 
 
-def _print(console: Console, verdict: str, findings: list[Finding], costs: dict[str, Cost], out: Path) -> None:
+def _print(console: Console, verdict: str, findings: list[Finding], costs: Mapping[str, Cost], out: Path) -> None:
     console.print(f"[bold]{escape(verdict)}[/]", highlight=False)
     for one in findings:
         some = ", ".join(one.names[:_NAMED]) + (

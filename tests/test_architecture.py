@@ -28,6 +28,7 @@ DOORS = {
         "aug3d_core/domes/methods/sam_worker.py",
     },
     "rasterio": {"aug3d_core/export/maps.py"},
+    "trimesh": {"aug3d_core/export/glb.py"},
     "obstore": {"aug3d_core/store/bucket.py"},
     "transformers": {"aug3d_core/domes/methods/sam_worker.py"},
     "prefect": {"tasks", "flows"},

@@ -97,7 +97,7 @@ def _glance(path: Path, name: str, least_px: int, budget: MemoryBudget) -> Glanc
         pixels = rgb_of(image)
     pixels.thumbnail((LOOKED_AT_PX, LOOKED_AT_PX), Image.Resampling.BOX)
     grey = np.asarray(pixels.convert("L"))
-    keypoints, features = cv2.SIFT.create(_FEATURES).detectAndCompute(grey, None)
+    keypoints, features = cv2.SIFT.create(_FEATURES).detectAndCompute(grey, np.full_like(grey, 255))
     features = np.zeros((0, 128)) if features is None else features
     thumbnail = pixels.copy()
     thumbnail.thumbnail((_THUMBNAIL_PX, _THUMBNAIL_PX), Image.Resampling.LANCZOS)

@@ -90,7 +90,7 @@ def test_places_on_earth_have_their_colour_and_height(
         rasterio.open(tmp_path / "map" / ORTHOPHOTO) as photo,
         rasterio.open(tmp_path / "map" / SURFACE_MODEL) as model,
     ):
-        east, north = transform("EPSG:4326", photo.crs, lon, lat)
+        east, north = transform("EPSG:4326", photo.crs, lon, lat)[:2]
         found = np.array([*photo.sample(zip(east, north, strict=True))])
         assert (found[:, :3] == COLOURS).all() and (found[:, 3] == 255).all()
         ground = np.array([*model.sample(zip(east, north, strict=True))])[:, 0]
@@ -105,7 +105,7 @@ def test_edges_lie_within_half_a_pixel(scene: tuple[Path, Path, Path], tmp_path:
         heights = model.read(1)
         row, column = np.nonzero(heights > ORIGIN["alt_m"] + ROOF_M / 2)
         east, north = map(np.asarray, model.xy(row, column))
-        lon, lat = transform(model.crs, "EPSG:4326", [east.mean()], [north.mean()])
+        lon, lat = transform(model.crs, "EPSG:4326", [east.mean()], [north.mean()])[:2]
         true_lon, true_lat, _ = on_earth(np.array([[0.0, 0.0, 0.0]]), ORIGIN)
         off_m = np.array([(lon[0] - true_lon[0]) * np.cos(np.radians(46.9)), lat[0] - true_lat[0]]) * 111_320
         assert np.abs(off_m).max() < told.pixel / 2

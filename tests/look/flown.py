@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import ExifTags, Image
@@ -78,7 +79,7 @@ def take(
         )
         if gps:
             exif.get_ifd(ExifTags.IFD.GPSInfo).update(_position(shot))
-        more = {"xmp": xmp(shot)} if xmp else {}
+        more: dict[str, Any] = {"xmp": xmp(shot)} if xmp else {}
         changed(shot, _picture(shot)).save(folder / shot.name, exif=exif, quality=92, **more)
     return folder
 

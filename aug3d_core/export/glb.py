@@ -1,0 +1,104 @@
+"""A scene's mesh with its texture -> one GLB file that Blender and browsers open, and where it lies.
+
+glTF has y up: x is east, y up, z south. The mesh stands about its own middle, since programs count in single precision; the
+offset file says where that is.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from PIL import Image
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import PBRMaterial
+
+from aug3d_core.export.target_folder import check_empty
+from aug3d_core.geometry.geodesy import geodetic_from_enu
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.textured import TexturedMesh
+from aug3d_core.report.thumbnails import encoded
+from aug3d_core.run.errors import StoreError
+from aug3d_core.sfm.files import WORLD
+from aug3d_core.store.record import Record
+from aug3d_core.surface.files import BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH
+
+MODEL, OFFSET = "mesh.glb", "offset.json"
+_READ = {"sfm": (WORLD,), "surface": (BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH)}
+_QUALITY = 90  # of the texture, a JPEG inside the file
+_GLTF_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+
+@dataclass(frozen=True)
+class GlbWritten:
+    """What was written. triangles: of the mesh. texture_px: width and height of the texture, (0, 0) without one."""
+
+    triangles: int
+    texture_px: tuple[int, int]
+    mib: float
+
+
+def read_of(record: Record) -> list[str]:
+    """Return the files that `export_glb` reads of an output of a stage."""
+    return [name for name in record.files if name in _READ[record.stage]]
+
+
+def export_glb(sfm: Path, surface: Path, folder: Path) -> GlbWritten:
+    """Write the mesh; raises UsageError if the folder is not empty, StoreError if files are missing."""
+    check_empty(folder)
+    for path in (sfm / WORLD, surface / BASELINE_MESH):
+        if not path.is_file():
+            raise StoreError(f"{path} is missing", "run the scene again, then export it")
+    world = json.loads((sfm / WORLD).read_text())
+    textured = (surface / BASELINE_TEXTURED_MESH).is_file()
+    if textured:
+        mesh = TexturedMesh.load(surface / BASELINE_TEXTURED_MESH, surface / BASELINE_MESH_TEXTURE)
+    else:
+        mesh = Mesh.load(surface / BASELINE_MESH)
+    middle = np.round((mesh.xyz.max(axis=0) + mesh.xyz.min(axis=0)).astype(float) / 2)
+    made = _with_texture(mesh, middle) if isinstance(mesh, TexturedMesh) else _with_colours(mesh, middle)
+    folder.mkdir(parents=True, exist_ok=True)
+    made.export(folder / MODEL, file_type="glb")
+    (folder / OFFSET).write_text(json.dumps(_offset(world, middle), indent=1))
+    size = mesh.texture.shape[1::-1] if isinstance(mesh, TexturedMesh) else (0, 0)
+    return GlbWritten(len(mesh.triangles), (int(size[0]), int(size[1])), (folder / MODEL).stat().st_size / 2**20)
+
+
+def _with_texture(mesh: TexturedMesh, middle: Float[np.ndarray, " 3"]) -> trimesh.Trimesh:
+    """Return the mesh with a vertex for each place in space and texture: glTF has no coordinates of corners."""
+    corners = np.column_stack([mesh.triangles.reshape(-1, 1), mesh.uv.reshape(-1, 2)])
+    single, triangles = np.unique(corners, axis=0, return_inverse=True)
+    picture = Image.open(io.BytesIO(encoded(Image.fromarray(mesh.texture), "JPEG", quality=_QUALITY)))
+    material = PBRMaterial(baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=1.0)
+    xyz = mesh.xyz[single[:, 0].astype(int)]
+    visual = TextureVisuals(uv=single[:, 1:], material=material)
+    return trimesh.Trimesh(_local(xyz, middle), triangles.reshape(-1, 3), visual=visual, process=False)
+
+
+def _with_colours(mesh: Mesh, middle: Float[np.ndarray, " 3"]) -> trimesh.Trimesh:
+    made = trimesh.Trimesh(_local(mesh.xyz, middle), mesh.triangles, process=False)
+    made.visual = ColorVisuals(made, vertex_colors=mesh.rgb)
+    return made
+
+
+def _local(xyz: Float[np.ndarray, "v 3"], middle: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "v 3"]:
+    return (xyz - middle) @ _GLTF_FROM_WORLD.T
+
+
+def _offset(world: dict, middle: Float[np.ndarray, " 3"]) -> dict:
+    """Say where the middle of the model is: in the scene's world, and on earth where GPS told."""
+    told, lat_lon_alt = world["origin"] if world["metric"] else None, None
+    if told:
+        origin = np.array([told["lat_deg"], told["lon_deg"], told["alt_m"] or 0.0])
+        lat_lon_alt = geodetic_from_enu(middle, origin).tolist()
+    return {
+        "unit": world["unit"],
+        "axes": "x east, y up, z south" if told else "x, y up, -z: x, z, y of the scene's world",
+        "middle_in_world": middle.tolist(),
+        "middle_lat_lon_alt": lat_lon_alt,
+    }
