@@ -41,8 +41,7 @@ def look(
 ) -> None:
     """Look at photographs before any processing: overlap, gaps, blur, exposure, positions, cameras, duplicates, and cost.
 
-    Takes a tenth of a second a photograph of 20 megapixels, writes one HTML file and changes nothing. Exit code 3: they will not do as they
-    are.
+    Takes a tenth of a second a photograph, writes one HTML file and changes nothing. Exit code 3: they will not do as they are.
     """
     with typed_errors(as_json, home):
         photos = photos.absolute()
