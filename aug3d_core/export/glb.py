@@ -18,18 +18,17 @@ from PIL import Image
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
+from aug3d_core.export.finished import MESH_FILES, mesh_of, world_of
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.report.thumbnails import encoded
-from aug3d_core.run.errors import StoreError
 from aug3d_core.sfm.files import WORLD
 from aug3d_core.store.record import Record
-from aug3d_core.surface.files import BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH
 
 MODEL, OFFSET = "mesh.glb", "offset.json"
-_READ = {"sfm": (WORLD,), "surface": (BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH)}
+_READ = {"sfm": (WORLD,), "surface": MESH_FILES}
 _QUALITY = 90  # of the texture, a JPEG inside the file
 _GLTF_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
@@ -51,20 +50,12 @@ def read_of(record: Record) -> list[str]:
 def export_glb(sfm: Path, surface: Path, folder: Path) -> GlbWritten:
     """Write the mesh; raises UsageError if the folder is not empty, StoreError if files are missing."""
     check_empty(folder)
-    for path in (sfm / WORLD, surface / BASELINE_MESH):
-        if not path.is_file():
-            raise StoreError(f"{path} is missing", "run the scene again, then export it")
-    world = json.loads((sfm / WORLD).read_text())
-    textured = (surface / BASELINE_TEXTURED_MESH).is_file()
-    if textured:
-        mesh = TexturedMesh.load(surface / BASELINE_TEXTURED_MESH, surface / BASELINE_MESH_TEXTURE)
-    else:
-        mesh = Mesh.load(surface / BASELINE_MESH)
+    (world, origin), mesh = world_of(sfm), mesh_of(surface)
     middle = np.round((mesh.xyz.max(axis=0) + mesh.xyz.min(axis=0)).astype(float) / 2)
     made = _with_texture(mesh, middle) if isinstance(mesh, TexturedMesh) else _with_colours(mesh, middle)
     folder.mkdir(parents=True, exist_ok=True)
     made.export(folder / MODEL, file_type="glb")
-    (folder / OFFSET).write_text(json.dumps(_offset(world, middle), indent=1))
+    (folder / OFFSET).write_text(json.dumps(_offset(world["unit"], origin, middle), indent=1))
     size = mesh.texture.shape[1::-1] if isinstance(mesh, TexturedMesh) else (0, 0)
     return GlbWritten(len(mesh.triangles), (int(size[0]), int(size[1])), (folder / MODEL).stat().st_size / 2**20)
 
@@ -90,15 +81,11 @@ def _local(xyz: Float[np.ndarray, "v 3"], middle: Float[np.ndarray, " 3"]) -> Fl
     return (xyz - middle) @ _GLTF_FROM_WORLD.T
 
 
-def _offset(world: dict, middle: Float[np.ndarray, " 3"]) -> dict:
+def _offset(unit: str, origin: Float[np.ndarray, " 3"] | None, middle: Float[np.ndarray, " 3"]) -> dict:
     """Say where the middle of the model is: in the scene's world, and on earth where GPS told."""
-    told, lat_lon_alt = world["origin"] if world["metric"] else None, None
-    if told:
-        origin = np.array([told["lat_deg"], told["lon_deg"], told["alt_m"] or 0.0])
-        lat_lon_alt = geodetic_from_enu(middle, origin).tolist()
     return {
-        "unit": world["unit"],
-        "axes": "x east, y up, z south" if told else "x, y up, -z: x, z, y of the scene's world",
+        "unit": unit,
+        "axes": "x east, y up, z south" if origin is not None else "x, y up, -z: x, z, y of the scene's world",
         "middle_in_world": middle.tolist(),
-        "middle_lat_lon_alt": lat_lon_alt,
+        "middle_lat_lon_alt": None if origin is None else geodetic_from_enu(middle, origin).tolist(),
     }

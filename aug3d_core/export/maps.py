@@ -23,6 +23,7 @@ from rasterio.transform import Affine
 from rasterio.warp import transform
 from rasterio.windows import Window
 
+from aug3d_core.export.finished import MESH_FILES, mesh_of, required, world_of
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
@@ -35,12 +36,11 @@ from aug3d_core.report.top_view import frame_of
 from aug3d_core.run.errors import StoreError
 from aug3d_core.sfm.files import VIEWS, WORLD
 from aug3d_core.store.record import Record
-from aug3d_core.surface.files import BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH
 
 ORTHOPHOTO, SURFACE_MODEL, CAMERAS = "orthophoto.tif", "surface_model.tif", "cameras.geojson"
 _READ = {
     "sfm": (VIEWS, WORLD),
-    "surface": (BASELINE_MESH, BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH),
+    "surface": MESH_FILES,
     "photos": (PHOTO_TABLE,),
 }
 _STRIP_ROWS, _BLOCK_PX = 256, 512
@@ -101,29 +101,13 @@ def export_map(
     Raises UsageError if the folder is not empty, StoreError if files are missing, or the scene is too large for one map.
     """
     check_empty(folder)
-    for path in (sfm / VIEWS, sfm / WORLD, surface / BASELINE_MESH):
-        if not path.is_file():
-            raise StoreError(f"{path} is missing", "run the scene again, then export it")
-    views, world = Views.load(sfm / VIEWS), json.loads((sfm / WORLD).read_text())
-    textured = (surface / BASELINE_TEXTURED_MESH).is_file()
-    mesh = (
-        TexturedMesh.load(surface / BASELINE_TEXTURED_MESH, surface / BASELINE_MESH_TEXTURE)
-        if textured
-        else Mesh.load(surface / BASELINE_MESH)
-    )
-    origin = _origin(world)
+    views, (world, origin), mesh = Views.load(required(sfm / VIEWS)), world_of(sfm), mesh_of(surface)
     grid = grid_over(mesh, views, origin)
     folder.mkdir(parents=True, exist_ok=True)
     covered = _write(mesh, grid, origin, folder, progress)
     _write_cameras(views, photos, origin, folder / CAMERAS)
     crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
     return MapWritten(crs, world["unit"], grid.pixels.a, grid.width, grid.height, covered, len(views))
-
-
-def _origin(world: dict) -> Float[np.ndarray, " 3"] | None:
-    """Return latitude, longitude and altitude of the world's origin; None where no GPS told it."""
-    told = world["origin"]
-    return np.array([told["lat_deg"], told["lon_deg"], told["alt_m"] or 0.0]) if told and world["metric"] else None
 
 
 def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> Grid:
