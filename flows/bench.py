@@ -217,6 +217,21 @@ def bench_look(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_js
     _bench("look", home, preset, set_, as_json, measure)
 
 
+@bench.command("advice")
+def bench_advice(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """What advice is worth: 20 photographs by it, in lines and at random, on three towns with a gap (an hour).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import advice
+
+        return Measurement(advice.figures(store, scene, say))
+
+    _bench("advice", home, preset, set_, as_json, measure)
+
+
 @bench.command("scale")
 def bench_scale(
     home: Home = HOME,

@@ -23,6 +23,7 @@ from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import bring_report, last_version, object_of, paths_here, records_before, versions
 from aug3d_core.store.store import Store
+from flows.advise import advise
 from flows.bench import bench
 from flows.collections import collections
 from flows.compare import compare_runs
@@ -275,6 +276,7 @@ app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(worker)
 app.command()(look)
+app.command()(advise)
 app.command()(status)
 app.command()(gc)
 app.command()(verify)

@@ -1,0 +1,158 @@
+"""The advice on a map, as one HTML file that needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+from jaxtyping import Float
+from PIL import Image
+
+from aug3d_core.advice.choice import Advised
+from aug3d_core.advice.need import FEW
+from aug3d_core.advice.plan import Plan
+from aug3d_core.advice.site import Site
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.transforms import centres
+from aug3d_core.report.html import number, page, table, tag
+from aug3d_core.report.sections.map_layers import lines, scale_bar
+from aug3d_core.report.svg import raster, svg, text
+from aug3d_core.report.top_view import Frame, from_above
+
+_MAP_PX, _GROUND_PX = 1100, 500
+_WORST, _BEST = np.array([196, 50, 40]), np.array([46, 140, 80])  # colours of nothing seen, and of nothing missing
+_ALPHA = 150
+_ARROW_PX, _DOT_PX = 30.0, 13.0
+_STYLE = """<style>
+.map path.flown{stroke:#fff;stroke-width:2.5;opacity:.9;fill:none}.map .at{fill:#fff;opacity:.75}
+.map rect.back{fill:#3b4247}.map .new{fill:#1f6feb;stroke:#fff;stroke-width:2}
+.map .way{stroke:#1f6feb;stroke-width:5;fill:none}.map text.rank{fill:#fff;font-size:15px;font-weight:700}
+.scale{stroke:var(--ink);stroke-width:2.5;fill:none}svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
+.legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.9rem;margin-top:10px}
+.legend i{display:inline-block;width:12px;height:12px;margin-right:6px;border:1px solid #0005;vertical-align:-1px}
+</style>"""
+
+
+def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str:
+    """Return the page. files: names of those written beside it."""
+    before, after = plan.choice.missing[0], plan.choice.missing[-1]
+    parts = [tag("h1", escape(f"What to photograph next: {scene}")), tag("p", tag("b", escape(verdict(plan))))]
+    facts = [
+        ("photographs now", number(len(plan.views))),
+        ("to take", number(len(plan.choice.advised))),
+        ("missing before, after", f"{before:.0%}, {after:.0%}"),
+        (
+            "flown at",
+            f"{plan.site.height:.0f} {plan.unit} above the ground, never below {plan.site.floor:.0f} {plan.unit}",
+        ),
+        ("highest roof", f"{plan.site.roof:.0f} {plan.unit} (heights of the scene's world)"),
+    ]
+    told = "".join(tag("span", f"{escape(name)} {tag('b', escape(value))}") for name, value in facts)
+    parts.append(tag("div", told, class_="facts"))
+    parts += [tag("h2", "What is missing now, and where to stand"), _map(plan, mesh, plan.seen_before, True)]
+    if plan.choice.advised:
+        parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.seen_after, False)]
+        parts += [tag("h2", "The photographs, best first"), _table(plan)]
+    if files:
+        parts += [tag("h2", "Files"), tag("p", ", ".join(tag("code", escape(name)) for name in files))]
+    return page(f"Advice: {scene}", "".join(parts), head=_STYLE)
+
+
+def verdict(plan: Plan) -> str:
+    """Return the advice in one sentence."""
+    few = float((plan.site_worth * (plan.seen_before < FEW)).sum())
+    hole = float(plan.site.in_hole.mean())
+    if not plan.choice.advised:
+        return "Nothing is missing: every place is seen from all sides that help."
+    holes = f", and the mesh has nothing of {hole:.0%}" if hole >= 0.005 else ""
+    before, after = plan.choice.missing[0], plan.choice.missing[-1]
+    return (
+        f"{few:.0%} of the site is seen by fewer than {FEW} photographs that count{holes}. "
+        f"{len(plan.choice.advised)} more photographs would make up for {1 - after / before:.0%} of what is missing."
+    )
+
+
+def why(one: Advised) -> str:
+    """Say what a photograph is for."""
+    reasons = []
+    if one.hole >= 0.05:
+        reasons.append(f"{one.hole:.0%} of what it shows is a hole of the mesh")
+    if one.few >= 0.05:
+        reasons.append(f"{one.few:.0%} is seen by fewer than {FEW} photographs")
+    if one.error >= 1.2:
+        reasons.append(f"the model errs {one.error:.1f} times as much there as usual")
+    return "; ".join(reasons) or "another side of what is seen"
+
+
+def _map(plan: Plan, mesh: Mesh, seen: Float[np.ndarray, " s"], with_advice: bool) -> str:
+    site = plan.site
+    wanted = site.area.middle(site.area.wanted)
+    places = np.concatenate(
+        [wanted, [one.xyz[:2] for one in plan.choice.advised], centres(plan.views.cam_from_world)[:, :2]]
+    )
+    low, high = places.min(axis=0), places.max(axis=0)
+    pad = 0.03 * float((high - low).max())
+    frame = Frame(low - pad, high + pad, 1.0).scaled(_MAP_PX)
+    drawn = f'<rect class="back" width="{frame.size[0]}" height="{frame.size[1]}"/>'
+    ground = from_above(mesh.xyz.astype(float), mesh.rgb, frame.scaled(_GROUND_PX))[0]
+    drawn += raster(frame.size, Image.fromarray(ground), "WEBP", quality=72) + _missing(site, frame, seen)
+    for x, y in frame.place(centres(plan.views.cam_from_world)[:, :2]):
+        drawn += f'<circle class="at" cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>'
+    if with_advice:
+        at = np.array([one.xyz[:2] for one in plan.choice.advised]).reshape(-1, 2)
+        drawn += lines(frame, at[:-1], at[1:], "flown")
+        drawn += "".join(_mark(frame, one) for one in plan.choice.advised)
+    title = "Map of what is missing, north up"
+    return tag(
+        "div", svg(*frame.size, title, drawn + scale_bar(frame, plan.unit)) + _legend(with_advice), class_="card map"
+    )
+
+
+def _missing(site: Site, frame: Frame, seen: Float[np.ndarray, " s"]) -> str:
+    """Return what is missing as colours, cell by cell: the mean over its samples."""
+    area = site.area
+    rows, columns = area.wanted.shape
+    column, row = np.floor((site.samples.xyz[:, :2] - area.low) / area.cell).astype(int).T
+    cell = row.clip(0, rows - 1) * columns + column.clip(0, columns - 1)
+    count = np.bincount(cell, minlength=rows * columns)
+    share = np.bincount(cell, np.minimum(seen / FEW, 1.0), minlength=rows * columns) / np.maximum(count, 1)
+    rgba = np.zeros((rows * columns, 4), np.uint8)
+    rgba[:, :3] = _WORST + share[:, None] * (_BEST - _WORST)
+    rgba[:, 3] = np.where((count > 0) & area.wanted.ravel(), _ALPHA, 0)
+    picture = raster((columns, rows), Image.fromarray(rgba.reshape(rows, columns, 4)[::-1]), "PNG")
+    (left, bottom), scale = frame.place(area.low), area.cell * frame.px
+    return f'<g transform="translate({left:.1f} {bottom - rows * scale:.1f}) scale({scale:.5f})">{picture}</g>'
+
+
+def _mark(frame: Frame, one: Advised) -> str:
+    x, y = frame.place(np.array(one.xyz[:2]))
+    yaw = np.radians(one.yaw_deg)
+    length = _DOT_PX + _ARROW_PX * np.cos(np.radians(one.pitch_deg))
+    way = f'<path class="way" d="M{x:.1f} {y:.1f}l{length * np.sin(yaw):.1f} {-length * np.cos(yaw):.1f}"/>'
+    said = tag("title", escape(f"{one.rank}: {why(one)}"))
+    dot = f'<circle class="new" cx="{x:.1f}" cy="{y:.1f}" r="{_DOT_PX}">{said}</circle>'
+    return way + dot + text(x, y, str(one.rank), "middle", "rank")
+
+
+def _legend(with_advice: bool) -> str:
+    keys = [(f"rgb{tuple(_WORST)}", "seen by none"), (f"rgb{tuple((_WORST + _BEST) // 2)}", f"by half of {FEW}")]
+    keys += [(f"rgb{tuple(_BEST)}", f"by {FEW} or more, from different sides"), ("#fff", "photographs")]
+    keys += [("#1f6feb", "to take, with its rank; the line points where the camera looks")] if with_advice else []
+    return tag(
+        "div",
+        "".join(tag("span", f'<i style="background:{colour}"></i>{word}') for colour, word in keys),
+        class_="legend",
+    )
+
+
+def _table(plan: Plan) -> str:
+    rows = [
+        (
+            str(one.rank),
+            ", ".join(f"{value:.1f}" for value in one.xyz),
+            f"{one.yaw_deg:.0f}", f"{one.pitch_deg:.0f}", f"{one.adds:.1%}", escape(why(one)),
+        )
+        for one in sorted(plan.choice.advised, key=lambda one: one.rank)
+    ]  # fmt: skip
+    return table(("rank", f"x, y, z [{plan.unit}]", "heading [deg]", "gimbal [deg]", "adds", "why"), rows, (0, 2, 3, 4))

@@ -1,0 +1,70 @@
+"""A finished scene -> which photographs to take next, as files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from aug3d_core.advice.choice import Choice, chosen
+from aug3d_core.advice.model_error import error_at
+from aug3d_core.advice.need import need_of
+from aug3d_core.advice.route import route
+from aug3d_core.advice.site import Site, site_of
+from aug3d_core.export.finished import required, world_of
+from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.views import Points, Views
+from aug3d_core.sfm.files import POINTS, VIEWS
+from aug3d_core.surface.files import BASELINE_MESH
+
+Progress = Callable[[str, int, int], None]  # what, done, total
+
+
+@dataclass(frozen=True)
+class Plan:
+    """choice: its photographs in the order of the route. site_worth, seen_before, seen_after: of each sample of the site.
+
+    origin: latitude, longitude and altitude of the world's origin; None where no GPS told it.
+    """
+
+    site: Site
+    views: Views
+    choice: Choice
+    site_worth: Float[np.ndarray, " s"]
+    seen_before: Float[np.ndarray, " s"]
+    seen_after: Float[np.ndarray, " s"]
+    unit: str
+    origin: Float[np.ndarray, " 3"] | None
+
+    @property
+    def lowest_ground(self) -> float:
+        """The lowest height of the area and its surroundings."""
+        return float(self.site.area.heights.min())
+
+
+def plan_of(
+    sfm: Path,
+    surface: Path,
+    evaluations: Sequence[Path],
+    count: int,
+    margin_m: float,
+    progress: Progress = lambda what, done, total: None,
+) -> Plan:
+    """Return so many photographs to take; raises StoreError if files are missing, InputError without ground."""
+    views, points, (world, origin) = (
+        Views.load(required(sfm / VIEWS)),
+        Points.load(required(sfm / POINTS)),
+        world_of(sfm),
+    )
+    mesh = Mesh.load(required(surface / BASELINE_MESH))
+    site = site_of(mesh, views, points.xyz, margin_m if world["metric"] else None)
+    error = error_at(site, views, evaluations)
+    need = need_of(site, views, error, lambda done, total: progress("photographs", done, total))
+    before = need.seen.copy()
+    choice = chosen(site, views, need, error, count, lambda done, total: progress("places to stand", done, total))
+    order = route(np.array([one.xyz for one in choice.advised]).reshape(-1, 3))
+    choice = replace(choice, advised=tuple(choice.advised[i] for i in order))
+    return Plan(site, views, choice, need.worth, before, need.seen, world["unit"], origin)

@@ -1,0 +1,87 @@
+"""`aug3d advise`: which photographs to take next, as a list, on a map, and as missions for the drone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from aug3d_core.export.target_folder import check_empty
+from aug3d_core.judging.files import COMPARED
+from aug3d_core.sfm.files import POINTS, VIEWS, WORLD
+from aug3d_core.store.scenes import last_version, object_of, records_of
+from aug3d_core.store.store import Store
+from aug3d_core.surface.files import BASELINE_MESH
+from flows.refusal import typed_errors
+
+if TYPE_CHECKING:
+    from aug3d_core.advice.plan import Plan
+
+HOME = Path("aug3d_data")
+
+
+def advise(
+    scene: Annotated[str, typer.Argument(help="Name of a scene with a mesh.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
+    photos: Annotated[int, typer.Option(min=1, max=2000, help="How many photographs can be taken.")] = 20,
+    margin_m: Annotated[
+        float, typer.Option(min=5.0, max=200.0, help="Least distance above the highest known roof [m].")
+    ] = 15.0,
+    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+) -> None:
+    """Say which photographs to take next: where too few see the ground, from which sides, and where the model errs.
+
+    Writes a page with a map, a table, and with GPS files for the field: KML, GeoJSON and a mission for DJI's drones. What no
+    photograph shows may be higher than any known roof: look at the site before you fly.
+    """
+    with typed_errors(as_json, home):
+        check_empty(folder)
+        # With open3d, which other commands do without
+        from aug3d_core.advice.page import advice_page, verdict
+        from aug3d_core.advice.plan import plan_of
+        from aug3d_core.advice.written import write_advice
+        from aug3d_core.geometry.ply import Mesh
+
+        store = Store(home)
+        with store.using(), Console(stderr=True).status("looking at the site ...") as status:
+            version = last_version(store, scene)
+            sfm = store.files_dir(object_of(store, version, "sfm"), [VIEWS, POINTS, WORLD])
+            surface = store.files_dir(object_of(store, version, "surface"), [BASELINE_MESH])
+            judged = [record for record in records_of(store, version).values() if record.stage == "evaluation"]
+            compared = [[name for name in record.files if name.startswith(f"{COMPARED}/")] for record in judged]
+            evaluations = [store.files_dir(record, names) for record, names in zip(judged, compared, strict=True)]
+            plan = plan_of(
+                sfm, surface, evaluations, photos, margin_m,
+                lambda what, done, total: status.update(f"{what}: {done} of {total}"),
+            )  # fmt: skip
+            mesh = Mesh.load(surface / BASELINE_MESH)
+            files = write_advice(plan, scene, folder, lambda names: advice_page(scene, plan, mesh, names))
+        if as_json:
+            print(json.dumps(_told(plan, scene, folder, files), indent=1))
+            return
+        console = Console()
+        console.print(verdict(plan), highlight=False, soft_wrap=True, markup=False)
+        if plan.origin is None:
+            console.print(
+                "[yellow]note[/] no GPS: places are in the scene's world, and there are no files for the field",
+                soft_wrap=True,
+            )
+        console.print(f"{', '.join(files)} are in {folder}", highlight=False, soft_wrap=True, markup=False)
+
+
+def _told(plan: Plan, scene: str, folder: Path, files: list[str]) -> dict:
+    return {
+        "scene": scene,
+        "folder": str(folder),
+        "files": files,
+        "unit": plan.unit,
+        "missing": list(plan.choice.missing),
+        "floor": plan.site.floor,
+        "highest_roof": plan.site.roof,
+        "photographs": [asdict(one) for one in plan.choice.advised],
+    }
