@@ -67,7 +67,7 @@ def missions(points: Sequence[Waypoint], name: str) -> Iterator[tuple[str, bytes
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as kmz:
             for file, root in (("template.kml", _template(part)), ("waylines.wpml", _waylines(part))):
-                kmz.writestr(zipfile.ZipInfo(f"wpmz/{file}", _ZIP_TIME), _text(root))
+                kmz.writestr(zipfile.ZipInfo(f"wpmz/{file}", _ZIP_TIME), _text(root), zipfile.ZIP_DEFLATED)
         yield f"{name}_{number}.kmz" if len(parts) > 1 else f"{name}.kmz", packed.getvalue()
 
 

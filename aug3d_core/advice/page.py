@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image
+from scipy.ndimage import distance_transform_edt
 
 from aug3d_core.advice.choice import Advised
 from aug3d_core.advice.need import FEW
@@ -18,11 +19,11 @@ from aug3d_core.geometry.transforms import centres
 from aug3d_core.report.html import number, page, table, tag
 from aug3d_core.report.sections.map_layers import lines, scale_bar
 from aug3d_core.report.svg import raster, svg, text
-from aug3d_core.report.top_view import Frame, from_above
+from aug3d_core.report.top_view import Frame
 
 _MAP_PX, _GROUND_PX = 1100, 500
 _WORST, _BEST = np.array([196, 50, 40]), np.array([46, 140, 80])  # colours of nothing seen, and of nothing missing
-_ALPHA = 150
+_ALPHA = 120
 _ARROW_PX, _DOT_PX = 30.0, 13.0
 _STYLE = """<style>
 .map path.flown{stroke:#fff;stroke-width:2.5;opacity:.9;fill:none}.map .at{fill:#fff;opacity:.75}
@@ -95,7 +96,7 @@ def _map(plan: Plan, mesh: Mesh, seen: Float[np.ndarray, " s"], with_advice: boo
     pad = 0.03 * float((high - low).max())
     frame = Frame(low - pad, high + pad, 1.0).scaled(_MAP_PX)
     drawn = f'<rect class="back" width="{frame.size[0]}" height="{frame.size[1]}"/>'
-    ground = from_above(mesh.xyz.astype(float), mesh.rgb, frame.scaled(_GROUND_PX))[0]
+    ground = _from_above(site, mesh, frame.scaled(_GROUND_PX))
     drawn += raster(frame.size, Image.fromarray(ground), "WEBP", quality=72) + _missing(site, frame, seen)
     for x, y in frame.place(centres(plan.views.cam_from_world)[:, :2]):
         drawn += f'<circle class="at" cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>'
@@ -109,18 +110,33 @@ def _map(plan: Plan, mesh: Mesh, seen: Float[np.ndarray, " s"], with_advice: boo
     )
 
 
+def _from_above(site: Site, mesh: Mesh, frame: Frame) -> UInt8[np.ndarray, "h w 4"]:
+    """Return the mesh as straight rays from above meet it, transparent where they miss."""
+    width, height = frame.size
+    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    xy = frame.low + np.stack([column, height - row], axis=-1) / frame.px
+    above = np.full((height, width, 1), float(mesh.xyz[:, 2].max()) + 1)
+    hits = site.surface.cast(np.concatenate([xy, above], axis=-1), np.array([0.0, 0.0, -1.0]))
+    hit = hits.triangle >= 0
+    rgba = np.zeros((height, width, 4), np.uint8)
+    rgba[hit, :3], rgba[hit, 3] = np.rint(mesh.colour_at(hits.triangle[hit], hits.weights[hit])).clip(0, 255), 255
+    return rgba
+
+
 def _missing(site: Site, frame: Frame, seen: Float[np.ndarray, " s"]) -> str:
-    """Return what is missing as colours, cell by cell: the mean over its samples."""
+    """Return what is missing as colours, cell by cell: the mean over its samples; a cell without any has its neighbour's."""
     area = site.area
     rows, columns = area.wanted.shape
     column, row = np.floor((site.samples.xyz[:, :2] - area.low) / area.cell).astype(int).T
     cell = row.clip(0, rows - 1) * columns + column.clip(0, columns - 1)
     count = np.bincount(cell, minlength=rows * columns)
     share = np.bincount(cell, np.minimum(seen / FEW, 1.0), minlength=rows * columns) / np.maximum(count, 1)
-    rgba = np.zeros((rows * columns, 4), np.uint8)
-    rgba[:, :3] = _WORST + share[:, None] * (_BEST - _WORST)
-    rgba[:, 3] = np.where((count > 0) & area.wanted.ravel(), _ALPHA, 0)
-    picture = raster((columns, rows), Image.fromarray(rgba.reshape(rows, columns, 4)[::-1]), "PNG")
+    nearest = distance_transform_edt(count.reshape(rows, columns) == 0, return_distances=False, return_indices=True)
+    share = share.reshape(rows, columns)[tuple(np.asarray(nearest))]
+    rgba = np.zeros((rows, columns, 4), np.uint8)
+    rgba[..., :3] = _WORST + share[..., None] * (_BEST - _WORST)
+    rgba[..., 3] = np.where(area.wanted, _ALPHA, 0)
+    picture = raster((columns, rows), Image.fromarray(rgba[::-1]), "PNG")
     (left, bottom), scale = frame.place(area.low), area.cell * frame.px
     return f'<g transform="translate({left:.1f} {bottom - rows * scale:.1f}) scale({scale:.5f})">{picture}</g>'
 
