@@ -11,11 +11,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
 from PIL import Image
 
+from aug3d_core.look.neighbours import Sketch, sketch_of
 from aug3d_core.photos.decode import measure_sharpness, shown
 from aug3d_core.photos.exif import Exif, read_exif
 from aug3d_core.photos.xmp import Attitude, read_attitude
@@ -26,16 +25,15 @@ from aug3d_core.run.picture import PictureError, decoding_budget, opened_picture
 LOOKED_AT_PX = 512  # longest side
 _DECODED_PX = (512, 384)  # JPEG decodes to no less than this, at an eighth of its size for most cameras
 _THUMBNAIL_PX, _QUALITY = 200, 70
-_FEATURES = 400
 _WHITE = 250  # of 255: no detail above it
 
 
 @dataclass(frozen=True)
-class Glance:
+class Glance(Sketch):
     """A photograph that can be used.
 
-    size_px: as stored. brightness: mean of the grey picture in [0, 1]. white: share of it without detail.
-    places_px: of its features, at LOOKED_AT_PX. thumbnail: a JPEG file.
+    size_px: as stored. brightness: mean of the grey picture in [0, 1]. white: share of it without detail. thumbnail: a JPEG
+    file. The small copy has LOOKED_AT_PX.
     """
 
     name: str
@@ -46,9 +44,6 @@ class Glance:
     sharpness: float
     brightness: float
     white: float
-    small_px: tuple[int, int]
-    places_px: Float[np.ndarray, "k 2"]
-    features: UInt8[np.ndarray, "k 128"]
     thumbnail: bytes
 
 
@@ -97,11 +92,10 @@ def _glance(path: Path, name: str, least_px: int, budget: MemoryBudget) -> Glanc
         pixels = rgb_of(image)
     pixels.thumbnail((LOOKED_AT_PX, LOOKED_AT_PX), Image.Resampling.BOX)
     grey = np.asarray(pixels.convert("L"))
-    keypoints, features = cv2.SIFT.create(_FEATURES).detectAndCompute(grey, np.full_like(grey, 255))
-    features = np.zeros((0, 128)) if features is None else features
     thumbnail = pixels.copy()
     thumbnail.thumbnail((_THUMBNAIL_PX, _THUMBNAIL_PX), Image.Resampling.LANCZOS)
     return Glance(
+        **vars(sketch_of(grey)),
         name=name,
         size_px=size_px,
         exif=exif,
@@ -110,8 +104,5 @@ def _glance(path: Path, name: str, least_px: int, budget: MemoryBudget) -> Glanc
         sharpness=measure_sharpness(np.asarray(pixels)),
         brightness=float(grey.mean()) / 255,
         white=float((grey >= _WHITE).mean()),
-        small_px=pixels.size,
-        places_px=np.array([point.pt for point in keypoints], float).reshape(-1, 2),
-        features=features.clip(0, 255).astype(np.uint8),
         thumbnail=encoded(thumbnail, "JPEG", quality=_QUALITY),
     )

@@ -10,13 +10,29 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
-from aug3d_core.look.glance import Glance
-
+_FEATURES = 400
 _LEAST_MATCHES = 12  # that one plane explains; fewer are chance
 _BETTER = 0.8  # a match is this much nearer than the next (Lowe 2004)
 _APART_PX = 4.0  # of the plane's prediction: roofs and hills are no plane
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """What is kept of a small copy of a picture to find it in another. small_px: width and height. places_px: of features."""
+
+    small_px: tuple[int, int]
+    places_px: Float[np.ndarray, "k 2"]
+    features: UInt8[np.ndarray, "k 128"]
+
+
+def sketch_of(grey: UInt8[np.ndarray, "h w"]) -> Sketch:
+    """Find the features of a small grey picture."""
+    keypoints, features = cv2.SIFT.create(_FEATURES).detectAndCompute(grey, np.full_like(grey, 255))
+    features = np.zeros((0, 128)) if features is None else features
+    places_px = np.array([point.pt for point in keypoints], float).reshape(-1, 2)
+    return Sketch((grey.shape[1], grey.shape[0]), places_px, features.clip(0, 255).astype(np.uint8))
 
 
 @dataclass(frozen=True)
@@ -41,13 +57,14 @@ class Step:
 NOTHING = Step(0.0, (np.nan, np.nan), np.nan, np.nan)
 
 
-def steps_between(photos: Sequence[Glance]) -> list[Step]:
+def steps_between(photos: Sequence[Sketch]) -> list[Step]:
     """Compare each photograph with the next one."""
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        return list(pool.map(lambda pair: _step(*pair), pairwise(photos)))
+        return list(pool.map(lambda pair: step(*pair), pairwise(photos)))
 
 
-def _step(first: Glance, second: Glance) -> Step:
+def step(first: Sketch, second: Sketch) -> Step:
+    """Find the first picture in the second; NOTHING where too little of it is there."""
     if min(len(first.features), len(second.features)) < _LEAST_MATCHES:
         return NOTHING
     near = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first.features, second.features, k=2)
