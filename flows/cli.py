@@ -27,6 +27,7 @@ from flows.advise import advise
 from flows.bench import bench
 from flows.collections import collections
 from flows.compare import compare_runs
+from flows.frames import frames
 from flows.gc import gc
 from flows.hand_on import export_groups, export_map, export_model
 from flows.join import worker
@@ -275,6 +276,7 @@ app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(worker)
+app.command()(frames)
 app.command()(look)
 app.command()(advise)
 app.command()(status)
