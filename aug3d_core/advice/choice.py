@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from aug3d_core.advice.need import FEW, Look, Need, look_of
+from aug3d_core.advice.need import POOR, Look, Need, look_of
 from aug3d_core.advice.site import Site
 from aug3d_core.geometry.transforms import forward
 from aug3d_core.geometry.views import Views
@@ -32,7 +32,7 @@ _STRAIGHT_DEG = 30.0  # tilt that the usual one of an oblique flight counts as, 
 class Advised:
     """A photograph to take. rank: from 1, by what it adds. adds: share of what was missing before all of them.
 
-    few: share of what it shows that fewer than FEW photographs see. hole: share that the mesh has nothing of. error: of the
+    poor: share of what it shows of which more than POOR is missing. hole: share that the mesh has nothing of. error: of the
     model where it looks, 1 as usual elsewhere. yaw_deg: clockwise from north (+y), of the upper edge of the picture. pitch_deg:
     of the gimbal, -90 straight down.
     """
@@ -42,7 +42,7 @@ class Advised:
     yaw_deg: float
     pitch_deg: float
     adds: float
-    few: float
+    poor: float
     hole: float
     error: float
 
@@ -103,7 +103,7 @@ def chosen(
         progress(done + 1, len(stand))
     heap = [(-float(need.added(look).sum()), candidate) for candidate, look in enumerate(looks)]
     heapq.heapify(heap)
-    missing, advised = [need.missing], []
+    missing, advised, left = [need.missing], [], need.missing_at()
     while heap and len(advised) < count:
         _, best = heapq.heappop(heap)
         gain = need.added(looks[best])
@@ -113,9 +113,10 @@ def chosen(
         if gain.sum() <= 0:
             break
         advised.append(
-            _advised(len(advised) + 1, stand[best], turn[best], looks[best], site, need, error, gain, missing[0])
+            _advised(len(advised) + 1, stand[best], turn[best], looks[best], site, left, error, gain, missing[0])
         )
         need.take(looks[best])
+        left = need.missing_at()
         missing.append(need.missing)
     return Choice(tuple(advised), tuple(missing))
 
@@ -126,7 +127,7 @@ def _advised(
     turn: Float[np.ndarray, " 2"],
     look: Look,
     site: Site,
-    need: Need,
+    left: Float[np.ndarray, " s"],
     error: Float[np.ndarray, " s"],
     gain: Float[np.ndarray, " k"],
     before: float,
@@ -134,7 +135,7 @@ def _advised(
     east, north, up = (float(value) for value in xyz)
     return Advised(
         rank=rank, xyz=(east, north, up), yaw_deg=float(turn[0]), pitch_deg=float(turn[1]),
-        adds=float(gain.sum() / before), few=float((need.seen[look.sample] < FEW).mean()),
+        adds=float(gain.sum() / before), poor=float((left[look.sample] > POOR).mean()),
         hole=float(site.in_hole[look.sample].mean()),
         error=float((error[look.sample] * gain).sum() / gain.sum()),
     )  # fmt: skip

@@ -104,7 +104,7 @@ def listing(advised: Sequence[Advised], points: Sequence[Waypoint] | None) -> st
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(
-        ["order", "rank", "x", "y", "z", "yaw_deg", "pitch_deg", "adds", "few", "hole", "error"]
+        ["order", "rank", "x", "y", "z", "yaw_deg", "pitch_deg", "adds", "poor", "hole", "error"]
         + (["lat_deg", "lon_deg", "alt_m", "up_m"] if points else [])
     )
     for order, one in enumerate(advised):
@@ -115,7 +115,7 @@ def listing(advised: Sequence[Advised], points: Sequence[Waypoint] | None) -> st
             f"{one.yaw_deg:.1f}",
             f"{one.pitch_deg:.1f}",
         ]
-        row += [f"{value:.4f}" for value in (one.adds, one.few, one.hole, one.error)]
+        row += [f"{value:.4f}" for value in (one.adds, one.poor, one.hole, one.error)]
         if points:
             point = points[order]
             row += [f"{point.lat_deg:.8f}", f"{point.lon_deg:.8f}", f"{point.alt_m:.2f}", f"{point.up_m:.2f}"]

@@ -11,7 +11,7 @@ from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
 from aug3d_core.advice.choice import Advised
-from aug3d_core.advice.need import FEW
+from aug3d_core.advice.need import POOR
 from aug3d_core.advice.plan import Plan
 from aug3d_core.advice.site import Site
 from aug3d_core.geometry.ply import Mesh
@@ -51,9 +51,9 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
     ]
     told = "".join(tag("span", f"{escape(name)} {tag('b', escape(value))}") for name, value in facts)
     parts.append(tag("div", told, class_="facts"))
-    parts += [tag("h2", "What is missing now, and where to stand"), _map(plan, mesh, plan.seen_before, True)]
+    parts += [tag("h2", "What is missing now, and where to stand"), _map(plan, mesh, plan.before, True)]
     if plan.choice.advised:
-        parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.seen_after, False)]
+        parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.after, False)]
         parts += [tag("h2", "The photographs, best first"), _table(plan)]
     if files:
         parts += [tag("h2", "Files"), tag("p", ", ".join(tag("code", escape(name)) for name in files))]
@@ -62,15 +62,14 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
 
 def verdict(plan: Plan) -> str:
     """Return the advice in one sentence."""
-    few = float((plan.site_worth * (plan.seen_before < FEW)).sum())
-    hole = float(plan.site.in_hole.mean())
+    hole, poor = float(plan.site.in_hole.mean()), float((plan.before > POOR).mean())
     if not plan.choice.advised:
-        return "Nothing is missing: every place is seen from all sides that help."
+        return "Nothing is missing: each place is photographed from wherever the flight looks."
     holes = f", and the mesh has nothing of {hole:.0%}" if hole >= 0.005 else ""
     before, after = plan.choice.missing[0], plan.choice.missing[-1]
     return (
-        f"{few:.0%} of the site is seen by fewer than {FEW} photographs that count{holes}. "
-        f"{len(plan.choice.advised)} more photographs would make up for {1 - after / before:.0%} of what is missing."
+        f"{poor:.0%} of the site is poorly photographed{holes}. {len(plan.choice.advised)} more photographs would make up for"
+        f" {1 - after / before:.0%} of what is missing."
     )
 
 
@@ -79,14 +78,14 @@ def why(one: Advised) -> str:
     reasons = []
     if one.hole >= 0.05:
         reasons.append(f"{one.hole:.0%} of what it shows is a hole of the mesh")
-    if one.few >= 0.05:
-        reasons.append(f"{one.few:.0%} is seen by fewer than {FEW} photographs")
+    if one.poor >= 0.05:
+        reasons.append(f"{one.poor:.0%} is poorly photographed")
     if one.error >= 1.2:
         reasons.append(f"the model errs {one.error:.1f} times as much there as usual")
     return "; ".join(reasons) or "another side of what is seen"
 
 
-def _map(plan: Plan, mesh: Mesh, seen: Float[np.ndarray, " s"], with_advice: bool) -> str:
+def _map(plan: Plan, mesh: Mesh, missing: Float[np.ndarray, " s"], with_advice: bool) -> str:
     site = plan.site
     wanted = site.area.middle(site.area.wanted)
     places = np.concatenate(
@@ -97,7 +96,7 @@ def _map(plan: Plan, mesh: Mesh, seen: Float[np.ndarray, " s"], with_advice: boo
     frame = Frame(low - pad, high + pad, 1.0).scaled(_MAP_PX)
     drawn = f'<rect class="back" width="{frame.size[0]}" height="{frame.size[1]}"/>'
     ground = _from_above(site, mesh, frame.scaled(_GROUND_PX))
-    drawn += raster(frame.size, Image.fromarray(ground), "WEBP", quality=72) + _missing(site, frame, seen)
+    drawn += raster(frame.size, Image.fromarray(ground), "WEBP", quality=72) + _missing(site, frame, missing)
     for x, y in frame.place(centres(plan.views.cam_from_world)[:, :2]):
         drawn += f'<circle class="at" cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>'
     if with_advice:
@@ -123,14 +122,14 @@ def _from_above(site: Site, mesh: Mesh, frame: Frame) -> UInt8[np.ndarray, "h w 
     return rgba
 
 
-def _missing(site: Site, frame: Frame, seen: Float[np.ndarray, " s"]) -> str:
+def _missing(site: Site, frame: Frame, missing: Float[np.ndarray, " s"]) -> str:
     """Return what is missing as colours, cell by cell: the mean over its samples; a cell without any has its neighbour's."""
     area = site.area
     rows, columns = area.wanted.shape
     column, row = np.floor((site.samples.xyz[:, :2] - area.low) / area.cell).astype(int).T
     cell = row.clip(0, rows - 1) * columns + column.clip(0, columns - 1)
     count = np.bincount(cell, minlength=rows * columns)
-    share = np.bincount(cell, np.minimum(seen / FEW, 1.0), minlength=rows * columns) / np.maximum(count, 1)
+    share = np.bincount(cell, 1 - missing, minlength=rows * columns) / np.maximum(count, 1)
     nearest = distance_transform_edt(count.reshape(rows, columns) == 0, return_distances=False, return_indices=True)
     share = share.reshape(rows, columns)[tuple(np.asarray(nearest))]
     rgba = np.zeros((rows, columns, 4), np.uint8)
@@ -152,8 +151,8 @@ def _mark(frame: Frame, one: Advised) -> str:
 
 
 def _legend(with_advice: bool) -> str:
-    keys = [(f"rgb{tuple(_WORST)}", "seen by none"), (f"rgb{tuple((_WORST + _BEST) // 2)}", f"by half of {FEW}")]
-    keys += [(f"rgb{tuple(_BEST)}", f"by {FEW} or more, from different sides"), ("#fff", "photographs")]
+    keys = [(f"rgb{tuple(_WORST)}", "all is missing"), (f"rgb{tuple((_WORST + _BEST) // 2)}", "half of it")]
+    keys += [(f"rgb{tuple(_BEST)}", "nothing: photographed from wherever the flight looks"), ("#fff", "photographs")]
     keys += [("#1f6feb", "to take, with its rank; the line points where the camera looks")] if with_advice else []
     return tag(
         "div",

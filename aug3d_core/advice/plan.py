@@ -25,7 +25,7 @@ Progress = Callable[[str, int, int], None]  # what, done, total
 
 @dataclass(frozen=True)
 class Plan:
-    """choice: its photographs in the order of the route. site_worth, seen_before, seen_after: of each sample of the site.
+    """choice: its photographs in the order of the route. before, after: what is missing of each sample of the site, 0 to 1.
 
     origin: latitude, longitude and altitude of the world's origin; None where no GPS told it.
     """
@@ -33,9 +33,8 @@ class Plan:
     site: Site
     views: Views
     choice: Choice
-    site_worth: Float[np.ndarray, " s"]
-    seen_before: Float[np.ndarray, " s"]
-    seen_after: Float[np.ndarray, " s"]
+    before: Float[np.ndarray, " s"]
+    after: Float[np.ndarray, " s"]
     unit: str
     origin: Float[np.ndarray, " 3"] | None
 
@@ -63,8 +62,8 @@ def plan_of(
     site = site_of(mesh, views, points.xyz, margin_m if world["metric"] else None)
     error = error_at(site, views, evaluations)
     need = need_of(site, views, error, lambda done, total: progress("photographs", done, total))
-    before = need.seen.copy()
+    before = need.missing_at()
     choice = chosen(site, views, need, error, count, lambda done, total: progress("places to stand", done, total))
     order = route(np.array([one.xyz for one in choice.advised]).reshape(-1, 3))
     choice = replace(choice, advised=tuple(choice.advised[i] for i in order))
-    return Plan(site, views, choice, need.worth, before, need.seen, world["unit"], origin)
+    return Plan(site, views, choice, before, need.missing_at(), world["unit"], origin)

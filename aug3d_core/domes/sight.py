@@ -92,11 +92,11 @@ def spread_over(mesh: Mesh, count: int, limits: Float[np.ndarray, " l"], rng: np
     return Samples(xyz, across[chosen] / area[chosen, None], chosen, limits)
 
 
-def _evenly_spread(count: int) -> Float[np.ndarray, "d 3"]:
+def sphere(count: int) -> Float[np.ndarray, "d 3"]:
     """Return unit vectors spread over the sphere: the Fibonacci lattice."""
     z = 1 - (2 * np.arange(count) + 1) / count
     azimuth = np.pi * (3 - np.sqrt(5)) * np.arange(count)
     return np.stack([np.sqrt(1 - z**2) * np.cos(azimuth), np.sqrt(1 - z**2) * np.sin(azimuth), z], axis=1)
 
 
-SPREAD = _evenly_spread(DIRECTIONS)
+SPREAD = sphere(DIRECTIONS)
