@@ -30,6 +30,7 @@ from flows.gc import gc
 from flows.hand_on import export_groups, export_map, export_model, export_points
 from flows.join import worker
 from flows.look import look
+from flows.open import open_report
 from flows.plan import checked_plan, expected_times, following, nothing_to_do
 from flows.plan_table import print_plan
 from flows.predict import predict
@@ -254,6 +255,7 @@ def _print_next(scene: str) -> None:
     print(f"\nnext  {aug3d} run my_scene --photos DIR   (your own photographs)")
     print(f"      {aug3d} predict {scene} --out view.png   (a view that no photograph shows)")
     print(f"      {aug3d} show {scene}   (this table again)")
+    print(f"      {aug3d} open {scene}   (the report, in the browser)")
     print(f"      {aug3d} up   (scenes in a browser, made again by schedule)")
 
 
@@ -267,6 +269,7 @@ def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
 
 
 # After a person's first commands, in the order of the help
+app.command("open")(open_report)
 app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)
