@@ -87,6 +87,10 @@ grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr))}
 border-bottom:1px solid var(--line)}
 .lights b{font-weight:550}.lights .says{text-align:right;font-variant-numeric:tabular-nums}
 .lights small{grid-column:2/4;color:var(--dim)}
+.answer .lead{font-size:1.3rem;line-height:1.35;font-weight:550;margin:0 0 6px}
+.answer .lights{grid-template-columns:1fr;margin:6px 0}
+.answer .lights li{grid-template-columns:6.2em 1fr}.answer .lights small{grid-column:2}.answer h3{margin-top:18px}
+.answer ul:not(.lights),.answer ol{margin:4px 0;padding-left:1.3em}.answer a{color:var(--main)}
 .light{font-size:.82rem;font-weight:600;white-space:nowrap}
 .light::before{content:"";display:inline-block;width:.75em;height:.75em;border-radius:50%;background:currentColor;margin-right:6px}
 .good{color:var(--good)}.check{color:var(--warn)}.bad{color:var(--bad)}
@@ -129,12 +133,14 @@ section .panels{columns:auto;display:grid}
 .cost i{height:14px;border-radius:3px;min-width:2px;background:var(--main)}.cost .memory{background:var(--other)}
 .curves svg,.wide svg{overflow:visible}
 figure img{cursor:zoom-in}
+.slider button{position:absolute;right:6px;bottom:6px;width:30px;height:30px;border:0;border-radius:6px;background:#0009;
+color:#fff;font-size:17px;cursor:zoom-in}
 dialog button{position:fixed;top:8px;right:8px;width:44px;height:44px;border:0;border-radius:50%;font-size:24px;
 background:#000a;color:#fff;cursor:pointer}
 dialog{border:0;padding:0;background:#000;max-width:100vw;max-height:100vh;overflow:auto}
 dialog::backdrop{background:#000c}
-dialog img{max-height:96vh;max-width:98vw;width:auto;height:auto;cursor:zoom-in;border-radius:0}
-dialog img.full{max-height:none;max-width:none;cursor:zoom-out}
+dialog>img{width:98vw;height:96vh;max-height:none;object-position:center;cursor:zoom-in;border-radius:0}
+dialog img.full{width:auto;height:auto;cursor:zoom-out}
 @media(max-width:700px){.cam,.dome{r:calc(1.7*var(--r))}
 .cam.gap{r:calc(1.3*var(--r))}.cam.target{r:calc(2.1*var(--r))}svg .scale-text{font-size:34px}
 .curves svg text{font-size:15.5px}.wide svg text{font-size:18px}.virtual{stroke-width:9}
@@ -142,6 +148,11 @@ dialog img.full{max-height:none;max-width:none;cursor:zoom-out}
 .costs>span:first-child{display:none}.cost,.cost i{display:block}
 .wrapped thead{display:none}.wrapped tr{display:block;padding:7px 12px;border-bottom:1px solid var(--line)}
 .wrapped td{display:block;border:0;padding:1px 0;white-space:normal}}
-@media print{nav,.layers{display:none}.tall .scroll{max-height:none}section{break-before:auto}h2,h3{break-after:avoid}
+@media print{nav,.layers,.slider input,.slider button,.slider::after{display:none}.tall .scroll{max-height:none}
+section{break-before:auto}h2,h3{break-after:avoid}#answer{break-after:page}
+details::details-content{content-visibility:visible;block-size:auto}
+.slider{display:grid;grid-template-columns:1fr 1fr;gap:6px}.slider img+img{position:static;clip-path:none;order:-1}
+.slider .right{right:auto;left:calc(50% + 9px)}
+tr,li,.curves>*,.slider,.hero{break-inside:avoid}thead{display:table-header-group}
 *{print-color-adjust:exact}}
 """

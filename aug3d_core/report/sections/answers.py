@@ -43,12 +43,9 @@ def training(run: ReportedRun) -> str:
 
 def test(run: ReportedRun) -> str:
     """Return the test of all folds: groups as in the paper's first table, held-out photographs, panels."""
-    tests = [run.in_fold(fold) for fold in range(run.folds)]
-    files = [each.file("evaluation", TEST_VIEWS) for each in tests]
-    folders = [file.parent for file in files if file]
-    if not folders:
+    tests, views = [run.in_fold(fold) for fold in range(run.folds)], tested(run)
+    if not len(views):
         return ""
-    views = test_views(folders)
     stated = tests[0].file("evaluation", CONVENTIONS)
     rules = json.loads(stated.read_text()) if stated else None
     panels = "".join(each.pictures("evaluation") for each in tests)
@@ -60,6 +57,13 @@ def test(run: ReportedRun) -> str:
         + tag("h3", "Panels: inputs, photograph, prediction, depth, error, cheap answers")
         + tag("div", panels, class_="card pictures panels")
     )
+
+
+def tested(run: ReportedRun) -> pd.DataFrame:
+    """Return a row per held-out photograph of every fold; empty before a test."""
+    files = [run.in_fold(fold).file("evaluation", TEST_VIEWS) for fold in range(run.folds)]
+    folders = [file.parent for file in files if file]
+    return test_views(folders) if folders else pd.DataFrame()
 
 
 def _compared(tests: list[ReportedRun], views: pd.DataFrame) -> str:
