@@ -1,6 +1,7 @@
 import re
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from aug3d_core.report.html import duration, number, percent, picture, slider, spaced, table, tag
@@ -34,6 +35,21 @@ def test_pictures_travel_inside_the_page(tmp_path):
     assert 'src="data:image/png;base64,' in picture(tmp_path / "a.png", "one")
     assert 'src="data:image/webp;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
     assert 'alt="say &quot;two&quot;"' in picture(tmp_path / "b.jpg", 'say "two"')
+
+
+@pytest.mark.parametrize(
+    ("size", "kind"),
+    [
+        ((1499, 900), "small"),
+        ((1500, 1900), "large"),
+        ((1000, 500), "large"),
+        ((1000, 501), "small"),
+        ((900, 90), "small"),
+    ],
+)
+def test_sheets_and_strips_take_the_whole_width(tmp_path, size, kind):
+    Image.new("RGB", size).save(tmp_path / "a.png")
+    assert picture(tmp_path / "a.png", "one").startswith(f'<figure class="{kind}">')
 
 
 def test_a_film_plays_inside_the_page_and_its_name_is_escaped(tmp_path):

@@ -132,7 +132,7 @@ def _test(run: ReportedRun) -> Iterator[Verdict]:
     nvs = run.metrics.get("nvs")
     if nvs:
         psnr_db = nvs["test_psnr_mean"]
-        light, figure = _least(psnr_db, _GOOD_DB, _BAD_DB), f"{psnr_db:.1f} dB, {off_words(psnr_db)}"
+        light, figure = _least(psnr_db, _GOOD_DB, _BAD_DB), f"{psnr_db:.1f} dB"
         bounds = f"good from {_GOOD_DB:g} dB ({off_words(_GOOD_DB)}), bad below {_BAD_DB:g} dB ({off_words(_BAD_DB)})"
         yield Verdict("held-out photographs, predicted", light, figure, bounds, VIEWS, REMEDIES["views"])
     if nvs and any(value is not None for value in nvs["cheap"].values()):
