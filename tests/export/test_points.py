@@ -67,7 +67,7 @@ def read_las(path: Path) -> Las:
     laz = records["laszip encoded", 22204]
     with path.open("rb") as file:
         file.seek(first)
-        lazrs.LasZipDecompressor(file, laz).decompress_many(raw)
+        lazrs.LasZipDecompressor(file, laz).decompress_many(raw)  # pyright: ignore[reportAttributeAccessIssue]
     layout = np.dtype({"names": ["xyz", "returns", "rgb"], "formats": [("<i4", 3), "u1", ("<u2", 3)],
                        "offsets": [0, 14, 30], "itemsize": length})  # fmt: skip
     found = raw.view(layout)
@@ -155,9 +155,9 @@ def test_without_gps_the_points_are_in_the_scenes_own_world(
 def test_heights_are_those_of_the_surface_model(scene: tuple[Path, Path], tmp_path: Path) -> None:
     sfm, surface, photos = write_scene(tmp_path / "map_scene")
     xyz = np.array([(-30, -30, 0), (30, 20, 0), (3, -4, 12)], np.float32)
-    Fused(xyz, np.tile(np.float32([0, 0, 1]), (3, 1)), np.zeros((3, 3), np.uint8), np.full(3, 2, np.uint8)).save(
-        scene[1] / "baseline_fused.npz"
-    )
+    Fused(
+        xyz, np.tile(np.array([0, 0, 1], np.float32), (3, 1)), np.zeros((3, 3), np.uint8), np.full(3, 2, np.uint8)
+    ).save(scene[1] / "baseline_fused.npz")
     export_map(sfm, surface, photos, tmp_path / "map")
     export_points(sfm, scene[1], tmp_path / "points")
     las = read_las(tmp_path / "points" / LAZ)
