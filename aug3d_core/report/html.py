@@ -14,8 +14,8 @@ from aug3d_core.report.report_style import STYLE
 from aug3d_core.report.thumbnails import encoded, is_film
 
 KEEP_BYTES = 100_000  # smaller pictures are embedded unchanged: compression would blur the lines of plots
-PICTURE_PX = 1800  # sheets of many pictures have small writing, which must be there when they are enlarged
-WEBP_QUALITY = 74
+PICTURE_PX = 1600  # sheets of many pictures have small writing, which must be there when they are enlarged
+JPEG_QUALITY = 72  # browsers put JPEG into a PDF as it is; of WebP they make pixels, seven times as many bytes
 _SHEET_PX, _STRIP_PX = 1500, 1000  # as wide: a sheet of many pictures, or if half as high or less, a strip of some
 
 
@@ -115,7 +115,7 @@ def _image(path: Path, caption: str, longest_px: int) -> str:
         else:
             copy = image.convert("RGB")
             copy.thumbnail((longest_px, longest_px))
-            kind, data, size = "webp", encoded(copy, "WEBP", quality=WEBP_QUALITY), copy.size
+            kind, data, size = "jpeg", encoded(copy, "JPEG", quality=JPEG_QUALITY), copy.size
     width, height = map(str, size)  # given, so that the layout does not jump while it is decoded
     source = data_uri(f"image/{kind}", data)
     return f'<img src="{source}" alt="{escape(caption)}" width="{width}" height="{height}" decoding="async">'

@@ -130,7 +130,7 @@ image{image-rendering:auto}
 section .pictures{display:block;columns:2 400px;column-gap:16px}.pictures figure{break-inside:avoid;margin-bottom:14px}
 section .panels{columns:auto;display:grid}
 .pictures .large{column-span:all;grid-column:1/-1}.pictures .large img{max-height:none}
-.answer .lights{padding:0}
+.answer .lights{padding:0}.answer figure{max-width:420px;margin:6px 0}
 .costs{display:grid;grid-template-columns:max-content 1fr 1fr;gap:5px 16px;align-items:center;font-size:.9rem}
 .costs .head{color:var(--dim);font-size:.82rem}
 .cost{display:flex;align-items:center;gap:8px;min-width:0}.cost small{white-space:nowrap;font-variant-numeric:tabular-nums}

@@ -33,7 +33,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = {
         "group": [0, 1],
         "photo_id": [7, 12],
-        "psnr": [24.0, 17.2],
+        "psnr": [17.2, 24.0],
         "ssim": [0.7, 0.5],
         "mean_colour_psnr": [16, 17],
     }
@@ -75,7 +75,8 @@ def test_a_click_shows_a_picture_as_large_as_the_window_and_another_one_at_its_o
 
 
 def test_a_pair_is_enlarged_with_its_slider(page: Page) -> None:
-    page.get_by_label("Enlarge").click()
+    expect(page.get_by_label("Enlarge")).to_have_count(2)  # the worst stands in the answer, too
+    page.get_by_label("Enlarge").last.click()
     pair = page.locator("dialog .slider")
     box = pair.bounding_box()
     assert box and box["height"] == pytest.approx(0.96 * _HEIGHT, rel=0.02)
@@ -83,14 +84,16 @@ def test_a_pair_is_enlarged_with_its_slider(page: Page) -> None:
     assert pair.evaluate("one => one.style.getPropertyValue('--at')") == "25%"
     page.keyboard.press("Escape")
     expect(page.locator("dialog")).to_be_hidden()
-    assert page.locator("figure .slider").evaluate("one => one.style.getPropertyValue('--at')") == ""
+    assert page.locator("#test .slider").evaluate("one => one.style.getPropertyValue('--at')") == ""
 
 
 def test_on_paper_pairs_stand_side_by_side_and_nothing_is_folded_up(page: Page) -> None:
     page.emulate_media(media="print")
-    predicted, true = (page.locator(f".slider img[alt={name}]").bounding_box() for name in ("predicted", "photograph"))
+    predicted, true = (
+        page.locator(f"#test .slider img[alt={name}]").bounding_box() for name in ("predicted", "photograph")
+    )
     assert predicted and true and predicted["x"] + predicted["width"] <= true["x"] and predicted["y"] == true["y"]
-    assert page.locator("nav").is_hidden() and page.get_by_label("Enlarge").is_hidden()
+    assert page.locator("nav").is_hidden() and page.get_by_label("Enlarge").last.is_hidden()
     assert page.get_by_text("Each use is as good as").is_visible()
     pages = len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4")))
     assert 2 <= pages <= 5, "the answer alone on the first"

@@ -16,7 +16,7 @@ from jaxtyping import Int
 from aug3d_core.judging.names import called
 from aug3d_core.report.html import percent, tag
 from aug3d_core.report.reported_run import ReportedRun
-from aug3d_core.report.sections.answers import tested
+from aug3d_core.report.sections.answers import pair, tested
 from aug3d_core.report.sections.tracks import ENOUGH
 from aug3d_core.report.sections.verdicts import MAP, VIEWS, Light, Verdict, off_words, verdicts
 
@@ -110,11 +110,12 @@ def _where(run: ReportedRun) -> Iterator[str]:
     views = tested(run)
     if len(views):
         low = views.sort_values("psnr").iloc[0]
-        name, psnr_db = escape(run.called(int(low["photo_id"]))), float(low["psnr"])
+        photo_id, psnr_db = int(low["photo_id"]), float(low["psnr"])
+        name = escape(run.called(photo_id))
         said = (
             f"Of {len(views)} held-out photographs {name} is predicted worst: {psnr_db:.1f} dB, {off_words(psnr_db)}."
         )
-        yield said + " " + tag("a", "See all.", href="#test")
+        yield said + " " + tag("a", "See all.", href="#test") + pair(run, photo_id, int(low["fold"]), psnr_db)
 
 
 def thin_words(seen: Int[np.ndarray, "h w"], compass: bool) -> str:

@@ -52,7 +52,7 @@ def test(run: ReportedRun) -> str:
     head = title_of(run.metrics.get("nvs", {}).get("head"))
     return (
         _groups(views, rules, head)
-        + _compared(tests, views)
+        + _compared(run, views)
         + _photos(run, views, head)
         + tag("h3", "Panels: inputs, photograph, prediction, depth, error, cheap answers")
         + tag("div", panels, class_="card pictures panels")
@@ -66,19 +66,25 @@ def tested(run: ReportedRun) -> pd.DataFrame:
     return test_views(folders) if folders else pd.DataFrame()
 
 
-def _compared(tests: list[ReportedRun], views: pd.DataFrame) -> str:
+def pair(run: ReportedRun, photo_id: int, fold: int, psnr_db: float) -> str:
+    """Return a slider between prediction and photograph of a held-out photograph; empty if it was not drawn."""
+    each, photo = run.in_fold(fold), image_name(photo_id)
+    predicted, true = (each.file("evaluation", name) for name in (prediction_of(photo), truth_of(photo)))
+    if not (predicted and true):
+        return ""
+    return slider(predicted, true, f"{each.called(photo_id)}: {psnr_db:.1f} dB", "predicted", "photograph")
+
+
+def _compared(run: ReportedRun, views: pd.DataFrame) -> str:
     """Return a slider between prediction and photograph for each held-out photograph that was drawn, best first."""
-    drawn = []
-    for row in views.sort_values("psnr", ascending=False).to_dict("records"):
-        each, photo = tests[int(row["fold"])], image_name(int(row["photo_id"]))
-        predicted, true = (each.file("evaluation", name) for name in (prediction_of(photo), truth_of(photo)))
-        if predicted and true:
-            caption = f"{each.called(int(row['photo_id']))}: {row['psnr']:.1f} dB"
-            drawn.append(slider(predicted, true, caption, "predicted", "photograph"))
+    best_first = views.sort_values("psnr", ascending=False)
+    drawn = "".join(
+        pair(run, int(photo), int(fold), float(psnr))
+        for photo, fold, psnr in zip(best_first["photo_id"], best_first["fold"], best_first["psnr"], strict=True)
+    )
     if not drawn:
         return ""
-    heading = tag("h3", "Prediction against photograph: move the line")
-    return heading + tag("div", "".join(drawn), class_="card pictures")
+    return tag("h3", "Prediction against photograph: move the line") + tag("div", drawn, class_="card pictures")
 
 
 def _answers(views: pd.DataFrame) -> list[str]:
