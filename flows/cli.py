@@ -137,9 +137,10 @@ def export_scene(
     home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
-    """Write a scene for other tools: poses, points and undistorted photographs; or (dtu) its groups for pixelNeRF; or (map) an
-    orthophoto and a surface model as GeoTIFF, with its cameras, for geographic programs; or (glb) its mesh for Blender and
-    browsers; or (points) its point cloud as LAZ and PLY.
+    """Write a scene for other tools: photographs with their poses, groups, a map, a mesh or points.
+
+    colmap, nerfstudio: poses, points and undistorted photographs; dtu: groups for pixelNeRF; map: orthophoto and surface model as
+    GeoTIFF, and cameras; glb: the mesh for Blender and browsers; points: the point cloud as LAZ and PLY.
     """
     from aug3d_core.export.folder_formats import (  # with scipy and pandas, which other commands do without
         IMAGES,
