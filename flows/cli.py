@@ -139,8 +139,8 @@ def export_scene(
 ) -> None:
     """Write a scene for other tools: photographs with their poses, groups, a map, a mesh or points.
 
-    colmap, nerfstudio: poses, points and undistorted photographs; dtu: groups for pixelNeRF; map: orthophoto and surface model as
-    GeoTIFF, and cameras; glb: the mesh for Blender and browsers; points: the point cloud as LAZ and PLY.
+    colmap, nerfstudio: poses, points and undistorted photographs; dtu: groups for pixelNeRF; map: orthophoto and surface model
+    as GeoTIFF, and cameras; glb: the mesh for Blender and browsers; points: the point cloud as LAZ and PLY.
     """
     from aug3d_core.export.folder_formats import (  # with scipy and pandas, which other commands do without
         IMAGES,
