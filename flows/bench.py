@@ -57,15 +57,16 @@ def bench_geometry(
     set_: Set = [],
     as_json: AsJson = False,
 ) -> None:
-    """Poses, depth, mesh and map of the built-in town against its exact truth.
+    """Poses, depth, points, mesh and map of the built-in town against its exact truth.
 
     Killed half way? Run it again: what was measured is kept until the benchmark is complete.
     """
 
     def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import geometry, orthophoto
+        from aug3d_core.bench import cloud, geometry, orthophoto
 
         figures = geometry.town_figures(store, scene, say) | orthophoto.figures(store, scene, say)
+        figures |= cloud.figures(store, scene, say)
         figures |= geometry.pairs_speedup(store, scene, say, photos)
         figures |= geometry.pose_spread(store, scene, say) | geometry.growth(store, scene, say)
         return Measurement(figures, {"pairs_measured_on": photos.name if photos else "town, its GPS not used"})

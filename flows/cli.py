@@ -15,7 +15,7 @@ from rich.markup import escape
 from aug3d_core.doctor import examine
 from aug3d_core.factory.config import SIZES, SceneConfig, scene_config
 from aug3d_core.factory.material import Material
-from aug3d_core.poses.recognise import COLMAP, DTU, GLB, MAP, NERFSTUDIO
+from aug3d_core.poses.recognise import CLOUD, COLMAP, DTU, GLB, MAP, NERFSTUDIO
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.limits import limits_from
 from aug3d_core.run.short_process import collect_seldom
@@ -29,9 +29,10 @@ from flows.collections import collections
 from flows.compare import compare_runs
 from flows.frames import frames
 from flows.gc import gc
-from flows.hand_on import export_groups, export_map, export_model
+from flows.hand_on import export_groups, export_map, export_model, export_points
 from flows.join import worker
 from flows.look import look
+from flows.open import open_report
 from flows.plan import checked_plan, expected_times, following, nothing_to_do
 from flows.plan_table import print_plan
 from flows.predict import predict
@@ -133,14 +134,15 @@ def export_scene(
     scene: Annotated[str, typer.Argument(help="Name of the scene.")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
     form: Annotated[
-        str, typer.Option("--format", help=f"For which tools: {COLMAP}, {NERFSTUDIO}, {DTU}, {MAP} or {GLB}.")
+        str, typer.Option("--format", help=f"For which tools: {COLMAP}, {NERFSTUDIO}, {DTU}, {MAP}, {GLB} or {CLOUD}.")
     ],
     home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
-    """Write a scene for other tools: poses, points and undistorted photographs; or (dtu) its groups for pixelNeRF; or (map) an
-    orthophoto and a surface model as GeoTIFF, with its cameras, for geographic programs; or (glb) its mesh for Blender and
-    browsers.
+    """Write a scene for other tools: photographs with their poses, groups, a map, a mesh or points.
+
+    colmap, nerfstudio: poses, points and undistorted photographs; dtu: groups for pixelNeRF; map: orthophoto and surface model
+    as GeoTIFF, and cameras; glb: the mesh for Blender and browsers; points: the point cloud as LAZ and PLY.
     """
     from aug3d_core.export.folder_formats import (  # with scipy and pandas, which other commands do without
         IMAGES,
@@ -155,11 +157,8 @@ def export_scene(
             if form == DTU:
                 export_groups(store.files_dir(object_of(store, version, "dataset")), folder, as_json)
                 return
-            if form == MAP:
-                export_map(store, version, folder, as_json)
-                return
-            if form == GLB:
-                export_model(store, version, folder, as_json)
+            if form in (of_surface := {MAP: export_map, GLB: export_model, CLOUD: export_points}):
+                of_surface[form](store, version, folder, as_json)
                 return
             records = (object_of(store, version, step) for step in ("sfm", "photos"))
             sfm, photos = (store.files_dir(record, read_of(record)) for record in records)
@@ -259,6 +258,7 @@ def _print_next(scene: str) -> None:
     print(f"\nnext  {aug3d} run my_scene --photos DIR   (your own photographs)")
     print(f"      {aug3d} predict {scene} --out view.png   (a view that no photograph shows)")
     print(f"      {aug3d} show {scene}   (this table again)")
+    print(f"      {aug3d} open {scene}   (the report, in the browser)")
     print(f"      {aug3d} up   (scenes in a browser, made again by schedule)")
 
 
@@ -272,6 +272,7 @@ def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
 
 
 # After a person's first commands, in the order of the help
+app.command("open")(open_report)
 app.command()(predict)
 app.command("compare")(compare_runs)
 app.command()(up)

@@ -1,4 +1,4 @@
-"""What a scene is for others: its groups for the original pixelNeRF code, its map, its mesh."""
+"""What a scene is for others: its groups for the original pixelNeRF code, its map, its mesh, its points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from aug3d_core.poses.recognise import GLB, MAP
+from aug3d_core.poses.recognise import CLOUD, GLB, MAP
 from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 
@@ -52,10 +52,9 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
     if as_json:
         print(json.dumps({"folder": str(folder), "format": MAP, **asdict(written)}))
         return
+    cameras = " and ".join((maps.CAMERAS, *((maps.CAMERAS_KML,) if written.crs else ())))
     size = f"{written.width_px:,} x {written.height_px:,} px of {written.pixel:g} {written.unit}"
-    print(
-        f"{maps.ORTHOPHOTO}, {maps.SURFACE_MODEL} ({size}, {written.covered:.0%} covered) and {maps.CAMERAS} are in {folder}"
-    )
+    print(f"{maps.ORTHOPHOTO}, {maps.SURFACE_MODEL} ({size}, {written.covered:.0%} covered), {cameras} are in {folder}")
     if written.crs:
         print(
             f"reference system: {written.crs}. As true as the photographs' GPS: metres, without ground control points"
@@ -79,3 +78,19 @@ def export_model(store: Store, version: Mapping[str, Any], folder: Path, as_json
         print(json.dumps({"folder": str(folder), "format": GLB, **asdict(written)}))
         return
     print(f"{glb.MODEL} ({written.triangles:,} triangles, {written.mib:.1f} MiB) and {glb.OFFSET} are in {folder}")
+
+
+def export_points(store: Store, version: Mapping[str, Any], folder: Path, as_json: bool) -> None:
+    """Write the point cloud of a scene, and tell it."""
+    from aug3d_core.export import points  # with laspy and rasterio, which other commands do without
+
+    sfm, depth = (
+        store.files_dir(record, points.read_of(record))
+        for record in (object_of(store, version, step) for step in ("sfm", "depth"))
+    )
+    written = points.export_points(sfm, depth, folder)
+    if as_json:
+        print(json.dumps({"folder": str(folder), "format": CLOUD, **asdict(written)}))
+        return
+    where = written.crs or f"the scene's own world, in {written.unit}s: no GPS"
+    print(f"{written.points:,} points: {points.LAZ} ({where}) and {points.PLY} (the scene's world) are in {folder}")

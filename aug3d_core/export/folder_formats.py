@@ -21,7 +21,7 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import PHOTO_TABLE, image_name, read_photos
-from aug3d_core.poses.recognise import COLMAP, DTU, GLB, MAP, NERFSTUDIO, TRANSFORMS
+from aug3d_core.poses.recognise import CLOUD, COLMAP, DTU, GLB, MAP, NERFSTUDIO, TRANSFORMS
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
 from aug3d_core.store.record import Record
@@ -46,7 +46,7 @@ def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
     Raises UsageError if the folder is not empty, StoreError if the scene's files are missing.
     """
     if form not in FORMATS:
-        raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join((*FORMATS, DTU, MAP, GLB))}")
+        raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join((*FORMATS, DTU, MAP, GLB, CLOUD))}")
     check_empty(folder)
     if not ((sfm / VIEWS).is_file() and (photos / PHOTO_TABLE).is_file()):
         raise StoreError(f"the scene's files are missing in {sfm} or {photos}", "run the scene again, then export it")

@@ -9,9 +9,11 @@ scene's own world and units, and say so by having no reference system. Heights a
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import rasterio
@@ -20,11 +22,11 @@ from jaxtyping import Float, UInt8
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
-from rasterio.warp import transform
 from rasterio.windows import Window
 
 from aug3d_core.export.finished import MESH_FILES, mesh_of, required, world_of
 from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.utm import utm_from_world, zone_of
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
@@ -37,15 +39,16 @@ from aug3d_core.run.errors import StoreError
 from aug3d_core.sfm.files import VIEWS, WORLD
 from aug3d_core.store.record import Record
 
-ORTHOPHOTO, SURFACE_MODEL, CAMERAS = "orthophoto.tif", "surface_model.tif", "cameras.geojson"
+ORTHOPHOTO, SURFACE_MODEL = "orthophoto.tif", "surface_model.tif"
+CAMERAS, CAMERAS_KML = "cameras.geojson", "cameras.kml"
 _READ = {
     "sfm": (VIEWS, WORLD),
     "surface": MESH_FILES,
     "photos": (PHOTO_TABLE,),
 }
+_KML = "http://www.opengis.net/kml/2.2"
 _STRIP_ROWS, _BLOCK_PX = 256, 512
 NO_HEIGHT = -9999.0
-_WGS84, _UTM_NORTH, _UTM_SOUTH = 4326, 32600, 32700  # EPSG; zones are added
 _FITTED = 9  # places along each side of the scene that fit the grid of the map to the world
 _LARGEST_OFF = 0.25  # of a pixel: so far the fit may be off, or the scene is too large to count as flat
 
@@ -105,7 +108,7 @@ def export_map(
     grid = grid_over(mesh, views, origin)
     folder.mkdir(parents=True, exist_ok=True)
     covered = _write(mesh, grid, origin, folder, progress)
-    _write_cameras(views, photos, origin, folder / CAMERAS)
+    _write_cameras(views, photos, origin, folder)
     crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
     return MapWritten(crs, world["unit"], grid.pixels.a, grid.width, grid.height, covered, len(views))
 
@@ -121,7 +124,9 @@ def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray,
     side = np.linspace(0, 1, _FITTED)
     places = np.stack(np.meshgrid(*(low + side * (high - low) for low, high in zip(*ends, strict=True))), -1)
     places = places.reshape(-1, 2)
-    crs, mapped = (None, places) if origin is None else _utm(places, origin)
+    crs, mapped = None, places
+    if origin is not None:
+        crs, mapped = zone_of(origin), utm_from_world(np.column_stack([places, np.zeros(len(places))]), origin)[:, :2]
     middle = mapped.mean(axis=0)  # eastings of millions would cost the fit its digits
     ones = np.ones((len(places), 1))
     fit, *_ = np.linalg.lstsq(np.hstack([mapped - middle, ones]), places, rcond=None)
@@ -132,15 +137,6 @@ def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray,
     right, top = np.ceil(mapped.max(axis=0) / pixel) * pixel
     width, height = round((right - left) / pixel), round((top - bottom) / pixel)
     return Grid(crs, Affine(pixel, 0, left, 0, -pixel, top), width, height, world_from_map)
-
-
-def _utm(places: Float[np.ndarray, "n 2"], origin: Float[np.ndarray, " 3"]) -> tuple[CRS, Float[np.ndarray, "n 2"]]:
-    """Return the UTM zone of the origin, and places of the world in it."""
-    zone = int((origin[1] + 180) // 6) % 60 + 1
-    crs = CRS.from_epsg((_UTM_NORTH if origin[0] >= 0 else _UTM_SOUTH) + zone)
-    lat, lon, _ = geodetic_from_enu(np.column_stack([places, np.zeros(len(places))]), origin).T
-    east_north = transform(CRS.from_epsg(_WGS84), crs, lon, lat)
-    return crs, np.column_stack(east_north[:2])
 
 
 def _round(pixel: float) -> float:
@@ -208,8 +204,11 @@ def strips(
         yield top, rgba, heights
 
 
-def _write_cameras(views: Views, photos: Path, origin: Float[np.ndarray, " 3"] | None, file: Path) -> None:
-    """Write where each photograph was taken, as points; in the world's units where no GPS tells where that is."""
+def _write_cameras(views: Views, photos: Path, origin: Float[np.ndarray, " 3"] | None, folder: Path) -> None:
+    """Write where each photograph was taken, as points; in the world's units where no GPS tells where that is.
+
+    KML knows places on earth alone, so it is written with GPS only.
+    """
     table = read_photos(photos)
     names = dict(zip(table["photo_id"], table["name"], strict=True))
     at = centres(views.cam_from_world)
@@ -227,4 +226,26 @@ def _write_cameras(views: Views, photos: Path, origin: Float[np.ndarray, " 3"] |
         }
         for photo, place, look in zip(views.photo_id.tolist(), where, looks, strict=True)
     ]
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1))
+    (folder / CAMERAS).write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1))
+    if origin is not None:
+        ElementTree.ElementTree(_kml(features)).write(folder / CAMERAS_KML, encoding="utf-8", xml_declaration=True)
+
+
+def _kml(features: Sequence[Mapping[str, Any]]) -> ElementTree.Element:
+    """Return the cameras as KML: a pin for each, and what its photograph looks at on a double click."""
+    kml = ElementTree.Element("kml", xmlns=_KML)
+    document = ElementTree.SubElement(kml, "Document")
+    for feature in features:
+        (lon, lat, alt), told = feature["geometry"]["coordinates"], feature["properties"]
+        mark = ElementTree.SubElement(document, "Placemark")
+        ElementTree.SubElement(mark, "name").text = told["name"]
+        _add(mark, "Camera", longitude=lon, latitude=lat, altitude=alt, heading=told["yaw_deg"],
+             tilt=round(90 + told["pitch_deg"], 2), altitudeMode="absolute")  # fmt: skip
+        _add(mark, "Point", altitudeMode="absolute", coordinates=f"{lon},{lat},{alt}")
+    return kml
+
+
+def _add(parent: ElementTree.Element, name: str, **values: str | float) -> None:
+    element = ElementTree.SubElement(parent, name)
+    for key, value in values.items():
+        ElementTree.SubElement(element, key).text = str(value)

@@ -11,7 +11,7 @@ from aug3d_core.run.errors import InputError
 from aug3d_core.run.regular_file import opened
 
 COLMAP, NERFSTUDIO, MEGA_NERF = "colmap", "nerfstudio", "mega-nerf"
-DTU, MAP, GLB = "dtu", "map", "glb"  # for export only
+DTU, MAP, GLB, CLOUD = "dtu", "map", "glb", "points"  # for export only
 TRANSFORMS = "transforms.json"
 COORDINATES, MAPPINGS, METADATA = "coordinates.pt", "mappings.txt", "metadata"
 SPLITS = ("train", "val")

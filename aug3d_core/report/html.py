@@ -14,8 +14,9 @@ from aug3d_core.report.report_style import STYLE
 from aug3d_core.report.thumbnails import encoded, is_film
 
 KEEP_BYTES = 100_000  # smaller pictures are embedded unchanged: compression would blur the lines of plots
-PICTURE_PX = 1280
-WEBP_QUALITY = 74
+PICTURE_PX = 1600  # sheets of many pictures have small writing, which must be there when they are enlarged
+JPEG_QUALITY = 72  # browsers put JPEG into a PDF as it is; of WebP they make pixels, seven times as many bytes
+_SHEET_PX, _STRIP_PX = 1500, 1000  # as wide: a sheet of many pictures, or if half as high or less, a strip of some
 
 
 def tag(name: str, content: str = "", **attributes: str) -> str:
@@ -85,7 +86,14 @@ def picture(path: Path, caption: str, longest_px: int = PICTURE_PX) -> str:
         )  # fmt: skip
         return tag("figure", film + tag("figcaption", escape(caption)))
     image_tag = _image(path, caption, longest_px)
-    return tag("figure", image_tag + tag("figcaption", escape(caption)))
+    return tag("figure", image_tag + tag("figcaption", escape(caption)), class_=_figure(path))
+
+
+def _figure(path: Path) -> str:
+    """Return the class of a picture's figure: sheets of many pictures take the whole width of the page."""
+    with Image.open(path) as image:
+        width, height = image.size
+    return "large" if width >= _SHEET_PX or (width >= _STRIP_PX and width >= 2 * height) else "small"
 
 
 def slider(above: Path, below: Path, caption: str, of_above: str, of_below: str) -> str:
@@ -107,7 +115,7 @@ def _image(path: Path, caption: str, longest_px: int) -> str:
         else:
             copy = image.convert("RGB")
             copy.thumbnail((longest_px, longest_px))
-            kind, data, size = "webp", encoded(copy, "WEBP", quality=WEBP_QUALITY), copy.size
+            kind, data, size = "jpeg", encoded(copy, "JPEG", quality=JPEG_QUALITY), copy.size
     width, height = map(str, size)  # given, so that the layout does not jump while it is decoded
     source = data_uri(f"image/{kind}", data)
     return f'<img src="{source}" alt="{escape(caption)}" width="{width}" height="{height}" decoding="async">'

@@ -2,7 +2,7 @@
 
 A click on a picture shows it as large as the window, another one at its own size. A click on a camera of the map shows a
 group that it is in, the next click its next group, and after the last one all cameras again. A slider over two pictures
-moves the line between them.
+moves the line between them; its button shows both as large as the window.
 """
 
 SCRIPT = """
@@ -11,22 +11,36 @@ const shut = document.createElement('button');
 shut.textContent = '\u00d7';
 shut.ariaLabel = 'Close';
 shut.onclick = () => dialog.close();
+const show = (content) => { dialog.replaceChildren(content, shut); dialog.showModal(); };
 for (const image of document.querySelectorAll('figure > img')) {
   image.tabIndex = 0;
   image.setAttribute('role', 'button');
   const enlarge = () => {
     const copy = image.cloneNode();
     copy.onclick = () => copy.classList.toggle('full');
-    dialog.replaceChildren(copy, shut);
-    dialog.showModal();
+    show(copy);
   };
   image.onclick = enlarge;
   image.onkeydown = (event) => { if (event.key === 'Enter') enlarge(); };
 }
 dialog.onclick = (event) => { if (event.target === dialog) dialog.close(); };
 
-for (const handle of document.querySelectorAll('.slider input')) {
-  handle.oninput = () => handle.parentNode.style.setProperty('--at', `${handle.value}%`);
+const slides = (slider) => {
+  const handle = slider.querySelector('input');
+  handle.oninput = () => slider.style.setProperty('--at', `${handle.value}%`);
+  return slider;
+};
+for (const slider of document.querySelectorAll('.slider')) {
+  const larger = document.createElement('button');
+  larger.textContent = '\u2922';
+  larger.ariaLabel = 'Enlarge';
+  larger.onclick = () => {
+    const copy = slides(slider.cloneNode(true)), { naturalWidth, naturalHeight } = slider.querySelector('img');
+    copy.querySelector('button').remove();
+    copy.style.width = `min(98vw, calc(96vh * ${naturalWidth / naturalHeight}))`;
+    show(copy);
+  };
+  slides(slider).append(larger);
 }
 
 for (const map of document.querySelectorAll('.drawing')) {

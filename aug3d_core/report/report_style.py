@@ -65,9 +65,11 @@ summary{cursor:pointer;color:var(--dim);font-size:.92rem}
 pre,code{font:.82rem/1.45 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace}
 pre{overflow-x:auto;background:var(--soft);padding:12px;border-radius:8px}
 td code{overflow-wrap:anywhere}
-@media(max-width:700px){main{padding:18px 12px 40px}.hero{grid-template-columns:1fr;gap:14px}.card{padding:14px}
+@media screen and (max-width:700px){main{padding:18px 12px 40px}.hero{grid-template-columns:1fr;gap:14px}.card{padding:14px}
 h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}}
-@media print{body{background:#fff}.card,.scroll,figure{break-inside:avoid}}
+@media print{@page{margin:12mm}html{font-size:11px}body{background:#fff;font-size:11px}main{max-width:none;padding:0}
+h2{margin-top:24px}.card{padding:10px 12px}th,td{padding:3px 6px}.txt{white-space:normal}.scroll{overflow:visible}
+figure,tr,li{break-inside:avoid}h2,h3{break-after:avoid}thead{display:table-header-group}}
 """
 
 # What only the scene report has
@@ -87,6 +89,10 @@ grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr))}
 border-bottom:1px solid var(--line)}
 .lights b{font-weight:550}.lights .says{text-align:right;font-variant-numeric:tabular-nums}
 .lights small{grid-column:2/4;color:var(--dim)}
+.answer .lead{font-size:1.3rem;line-height:1.35;font-weight:550;margin:0 0 6px}
+.answer .lights{grid-template-columns:1fr;margin:6px 0}
+.answer .lights li{grid-template-columns:6.2em 1fr}.answer .lights small{grid-column:2}.answer h3{margin-top:18px}
+.answer ul:not(.lights),.answer ol{margin:4px 0;padding-left:1.3em}.answer a{color:var(--main)}
 .light{font-size:.82rem;font-weight:600;white-space:nowrap}
 .light::before{content:"";display:inline-block;width:.75em;height:.75em;border-radius:50%;background:currentColor;margin-right:6px}
 .good{color:var(--good)}.check{color:var(--warn)}.bad{color:var(--bad)}
@@ -123,25 +129,35 @@ image{image-rendering:auto}
 .halves{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,440px),1fr));gap:16px;align-items:start}
 section .pictures{display:block;columns:2 400px;column-gap:16px}.pictures figure{break-inside:avoid;margin-bottom:14px}
 section .panels{columns:auto;display:grid}
+.pictures .large{column-span:all;grid-column:1/-1}.pictures .large img{max-height:none}
+.answer .lights{padding:0}.answer figure{max-width:420px;margin:6px 0}
 .costs{display:grid;grid-template-columns:max-content 1fr 1fr;gap:5px 16px;align-items:center;font-size:.9rem}
 .costs .head{color:var(--dim);font-size:.82rem}
 .cost{display:flex;align-items:center;gap:8px;min-width:0}.cost small{white-space:nowrap;font-variant-numeric:tabular-nums}
 .cost i{height:14px;border-radius:3px;min-width:2px;background:var(--main)}.cost .memory{background:var(--other)}
 .curves svg,.wide svg{overflow:visible}
 figure img{cursor:zoom-in}
+.slider button{position:absolute;right:6px;bottom:6px;width:30px;height:30px;border:0;border-radius:6px;background:#0009;
+color:#fff;font-size:17px;cursor:zoom-in}
 dialog button{position:fixed;top:8px;right:8px;width:44px;height:44px;border:0;border-radius:50%;font-size:24px;
 background:#000a;color:#fff;cursor:pointer}
 dialog{border:0;padding:0;background:#000;max-width:100vw;max-height:100vh;overflow:auto}
 dialog::backdrop{background:#000c}
-dialog img{max-height:96vh;max-width:98vw;width:auto;height:auto;cursor:zoom-in;border-radius:0}
-dialog img.full{max-height:none;max-width:none;cursor:zoom-out}
-@media(max-width:700px){.cam,.dome{r:calc(1.7*var(--r))}
+dialog>img{width:98vw;height:96vh;max-height:none;object-position:center;cursor:zoom-in;border-radius:0}
+dialog img.full{width:auto;height:auto;cursor:zoom-out}
+@media screen and (max-width:700px){.cam,.dome{r:calc(1.7*var(--r))}
 .cam.gap{r:calc(1.3*var(--r))}.cam.target{r:calc(2.1*var(--r))}svg .scale-text{font-size:34px}
 .curves svg text{font-size:15.5px}.wide svg text{font-size:18px}.virtual{stroke-width:9}
 .costs{grid-template-columns:1fr 1fr;gap:2px 12px}.costs .name{grid-column:1/3;margin-top:6px}
 .costs>span:first-child{display:none}.cost,.cost i{display:block}
 .wrapped thead{display:none}.wrapped tr{display:block;padding:7px 12px;border-bottom:1px solid var(--line)}
 .wrapped td{display:block;border:0;padding:1px 0;white-space:normal}}
-@media print{nav,.layers{display:none}.tall .scroll{max-height:none}section{break-before:auto}h2,h3{break-after:avoid}
+@media print{nav,.layers,.slider input,.slider button,.slider::after,figure:has(video){display:none}
+section>.card:not(.pictures,.answer),.curves>*,.slider{break-inside:avoid}
+#answer{break-after:page}.answer details::details-content{content-visibility:visible;block-size:auto}
+.tall .scroll{max-height:none}.tall thead th{position:static}
+.slider{display:grid;grid-template-columns:1fr 1fr;gap:6px}.slider img+img{position:static;clip-path:none;order:-1}
+.slider .right{right:auto;left:calc(50% + 9px)}section .pictures{columns:2 200px}
+.curves,.halves,.hero{grid-template-columns:1fr 1fr}.map svg{max-height:none}
 *{print-color-adjust:exact}}
 """

@@ -17,6 +17,7 @@ from aug3d_core.report.html import page, tag
 from aug3d_core.report.report_script import SCRIPT
 from aug3d_core.report.report_style import REPORT_STYLE
 from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.answer import answer
 from aug3d_core.report.sections.answers import test, training
 from aug3d_core.report.sections.cameras import cameras
 from aug3d_core.report.sections.compared import beside_published
@@ -42,6 +43,7 @@ def write_report(records: Made, metrics: Mapping[str, Any], out: Path, compared:
     """
     run = ReportedRun(records, metrics)
     sections: dict[str, Section] = {
+        "Answer": answer,
         "Summary": _summary,
         "Changes": lambda _: beside_published(compared),
         "Map": _in_folds(overview),

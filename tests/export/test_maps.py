@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ import rasterio
 from PIL import Image
 from rasterio.warp import transform
 
-from aug3d_core.export.maps import CAMERAS, ORTHOPHOTO, SURFACE_MODEL, MapWritten, export_map
+from aug3d_core.export.maps import CAMERAS, CAMERAS_KML, ORTHOPHOTO, SURFACE_MODEL, MapWritten, export_map
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
@@ -37,10 +38,14 @@ def squares(*of: tuple[float, float, float, float]) -> tuple[np.ndarray, np.ndar
 
 @pytest.fixture
 def scene(tmp_path: Path) -> tuple[Path, Path, Path]:
+    return write_scene(tmp_path)
+
+
+def write_scene(where: Path) -> tuple[Path, Path, Path]:
     """Write a scene of a square of four colours with a roof in its middle, and four cameras above it."""
-    sfm, surface, photos = (tmp_path / name for name in ("sfm", "surface", "photos"))
+    sfm, surface, photos = (where / name for name in ("sfm", "surface", "photos"))
     for folder in (sfm, surface, photos):
-        folder.mkdir()
+        folder.mkdir(parents=True)
     at = np.array([(-20.0, -20, HIGH_M), (20, -20, HIGH_M), (20, 20, HIGH_M), (-20, 20, HIGH_M)])
     poses = np.stack([look_at(eye, eye * [1, 1, 0] + [0, 0.01, 0]) for eye in at])
     Views(np.arange(4), poses, np.tile([500.0, 500, 320, 240], (4, 1)), np.tile([640, 480], (4, 1))).save(
@@ -172,3 +177,16 @@ def test_a_scene_too_large_for_a_flat_map_is_refused(scene: tuple[Path, Path, Pa
     Mesh(xyz.astype(np.float32), np.zeros((4, 3), np.uint8), triangles).save(scene[1] / "baseline_mesh.ply")
     with pytest.raises(StoreError, match="too large"):
         written(scene, tmp_path / "map")
+
+
+def test_cameras_are_pins_in_kml_where_gps_told(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    written(scene, tmp_path / "map")
+    marks = ElementTree.parse(tmp_path / "map" / CAMERAS_KML).findall(".//{*}Placemark")
+    assert [mark.findtext("{*}name") for mark in marks] == ["0.jpg", "1.jpg", "2.jpg", "3.jpg"]
+    found = [float(one) for one in marks[1].findtext("{*}Point/{*}coordinates", "").split(",")]
+    assert found == pytest.approx(np.ravel(on_earth(np.array([[20.0, -20.0, HIGH_M]]), ORIGIN)), abs=1e-6)
+    assert marks[0].findtext("{*}Point/{*}altitudeMode") == "absolute"
+    assert float(marks[0].findtext("{*}Camera/{*}tilt", "")) == pytest.approx(0, abs=0.1), "straight down"
+    world(scene[0], None)
+    written(scene, tmp_path / "nowhere")
+    assert not (tmp_path / "nowhere" / CAMERAS_KML).exists()

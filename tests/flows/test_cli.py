@@ -126,7 +126,7 @@ def test_a_run_that_cannot_fit_into_memory_is_refused_before_anything_starts(
     assert refused.exit_code == 1 and "what a run would take" in refused.output
 
 
-@pytest.mark.parametrize("command", [(), ("demo",), ("run",), ("show",), ("doctor",)])
+@pytest.mark.parametrize("command", [(), ("demo",), ("run",), ("show",), ("open",), ("doctor",)])
 def test_help_teaches(command: tuple[str, ...]) -> None:
     result = invoke(*command, "--help")
     assert result.exit_code == 0

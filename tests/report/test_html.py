@@ -1,6 +1,7 @@
 import re
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from aug3d_core.report.html import duration, number, percent, picture, slider, spaced, table, tag
@@ -32,8 +33,23 @@ def test_pictures_travel_inside_the_page(tmp_path):
     Image.new("RGB", (7, 11), (200, 30, 30)).save(tmp_path / "a.png")
     Image.new("RGB", (7, 11), (200, 30, 30)).save(tmp_path / "b.jpg")
     assert 'src="data:image/png;base64,' in picture(tmp_path / "a.png", "one")
-    assert 'src="data:image/webp;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
+    assert 'src="data:image/jpeg;base64,' in picture(tmp_path / "b.jpg", 'say "two"')
     assert 'alt="say &quot;two&quot;"' in picture(tmp_path / "b.jpg", 'say "two"')
+
+
+@pytest.mark.parametrize(
+    ("size", "kind"),
+    [
+        ((1499, 900), "small"),
+        ((1500, 1900), "large"),
+        ((1000, 500), "large"),
+        ((1000, 501), "small"),
+        ((900, 90), "small"),
+    ],
+)
+def test_sheets_and_strips_take_the_whole_width(tmp_path, size, kind):
+    Image.new("RGB", size).save(tmp_path / "a.png")
+    assert picture(tmp_path / "a.png", "one").startswith(f'<figure class="{kind}">')
 
 
 def test_a_film_plays_inside_the_page_and_its_name_is_escaped(tmp_path):
@@ -61,4 +77,4 @@ def test_large_pictures_are_embedded_smaller_and_say_their_size(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (300, 400, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "a.png")
     page = picture(tmp_path / "a.png", "noise", 200)
-    assert 'width="200" height="150"' in page and "image/webp" in page
+    assert 'width="200" height="150"' in page and "image/jpeg" in page

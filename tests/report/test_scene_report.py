@@ -215,7 +215,7 @@ def test_a_flight_is_reported_whole_whatever_its_files_are_called(tmp_path):
     assert parser.open == [] and "could not be drawn" not in page
     assert EVIL not in page and page.count("<script>") == 1
     titles = re.findall("<h2>([^<]+)", page)
-    assert titles == ["Summary", "Map", "Cameras", "Overlap", "Groups", "Decisions", "Cost", "Origin"]
+    assert titles == ["Answer", "Summary", "Map", "Cameras", "Overlap", "Groups", "Decisions", "Cost", "Origin"]
 
 
 def test_no_other_script_may_run_and_nothing_is_loaded(tmp_path):

@@ -43,38 +43,48 @@ def training(run: ReportedRun) -> str:
 
 def test(run: ReportedRun) -> str:
     """Return the test of all folds: groups as in the paper's first table, held-out photographs, panels."""
-    tests = [run.in_fold(fold) for fold in range(run.folds)]
-    files = [each.file("evaluation", TEST_VIEWS) for each in tests]
-    folders = [file.parent for file in files if file]
-    if not folders:
+    tests, views = [run.in_fold(fold) for fold in range(run.folds)], tested(run)
+    if not len(views):
         return ""
-    views = test_views(folders)
     stated = tests[0].file("evaluation", CONVENTIONS)
     rules = json.loads(stated.read_text()) if stated else None
     panels = "".join(each.pictures("evaluation") for each in tests)
     head = title_of(run.metrics.get("nvs", {}).get("head"))
     return (
         _groups(views, rules, head)
-        + _compared(tests, views)
+        + _compared(run, views)
         + _photos(run, views, head)
         + tag("h3", "Panels: inputs, photograph, prediction, depth, error, cheap answers")
         + tag("div", panels, class_="card pictures panels")
     )
 
 
-def _compared(tests: list[ReportedRun], views: pd.DataFrame) -> str:
+def tested(run: ReportedRun) -> pd.DataFrame:
+    """Return a row per held-out photograph of every fold; empty before a test."""
+    files = [run.in_fold(fold).file("evaluation", TEST_VIEWS) for fold in range(run.folds)]
+    folders = [file.parent for file in files if file]
+    return test_views(folders) if folders else pd.DataFrame()
+
+
+def pair(run: ReportedRun, photo_id: int, fold: int, psnr_db: float) -> str:
+    """Return a slider between prediction and photograph of a held-out photograph; empty if it was not drawn."""
+    each, photo = run.in_fold(fold), image_name(photo_id)
+    predicted, true = (each.file("evaluation", name) for name in (prediction_of(photo), truth_of(photo)))
+    if not (predicted and true):
+        return ""
+    return slider(predicted, true, f"{each.called(photo_id)}: {psnr_db:.1f} dB", "predicted", "photograph")
+
+
+def _compared(run: ReportedRun, views: pd.DataFrame) -> str:
     """Return a slider between prediction and photograph for each held-out photograph that was drawn, best first."""
-    drawn = []
-    for row in views.sort_values("psnr", ascending=False).to_dict("records"):
-        each, photo = tests[int(row["fold"])], image_name(int(row["photo_id"]))
-        predicted, true = (each.file("evaluation", name) for name in (prediction_of(photo), truth_of(photo)))
-        if predicted and true:
-            caption = f"{each.called(int(row['photo_id']))}: {row['psnr']:.1f} dB"
-            drawn.append(slider(predicted, true, caption, "predicted", "photograph"))
+    best_first = views.sort_values("psnr", ascending=False)
+    drawn = "".join(
+        pair(run, int(photo), int(fold), float(psnr))
+        for photo, fold, psnr in zip(best_first["photo_id"], best_first["fold"], best_first["psnr"], strict=True)
+    )
     if not drawn:
         return ""
-    heading = tag("h3", "Prediction against photograph: move the line")
-    return heading + tag("div", "".join(drawn), class_="card pictures")
+    return tag("h3", "Prediction against photograph: move the line") + tag("div", drawn, class_="card pictures")
 
 
 def _answers(views: pd.DataFrame) -> list[str]:

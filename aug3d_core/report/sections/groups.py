@@ -63,9 +63,14 @@ def _ways(run: ReportedRun) -> str:
         each = [by_way.get((method, k)) for k in sizes]
         bad = [percent(row["bad_members_share"], 1) if row else "-" for row in each]
         alike = [percent(row["overlap_mean"]) if row else "-" for row in each]
-        rows.append((spaced(method), *bad, *alike))
+        rows.append(
+            (tag("b", spaced(method)) if method == run.metric("grouping", "method") else spaced(method), *bad, *alike)
+        )
     heads = ("method", *(f"bad, K = {k}" for k in sizes), *(f"overlap, K = {k}" for k in sizes))
-    said = "Groups around the same centres with every method. Bad: a member that sees less than 10 % of the centre's surface."
+    said = (
+        "Groups around the same centres with every method; that of this run in bold. Bad: a member that sees less than 10 %"
+        " of the centre's surface."
+    )
     return tag("h3", "Grouping methods") + tag("p", said, class_="dim") + table(heads, rows, range(1, len(heads)))
 
 

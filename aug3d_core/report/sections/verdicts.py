@@ -11,19 +11,31 @@ from aug3d_core.judging.names import called
 from aug3d_core.judging.summary import FROM_MESH
 from aug3d_core.report.html import number, percent, tag
 from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.remedies import REMEDIES
 from aug3d_core.report.sections.tracks import ENOUGH
 
 Light = Literal["good", "check", "bad"]
+MAP, VIEWS, MODEL = (
+    "a map and a mesh",
+    "views from new places",
+    "the model rather than a simpler answer",
+)  # uses of a scene
+_GOOD_DB, _BAD_DB = 25.0, 20.0  # a pixel is off by an 18th and by a tenth of full brightness
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One check: its subject, its light, the figure, and the bounds of good and bad."""
+    """One check: its subject, its light, the figure, and the bounds of good and bad.
+
+    use: what the scene is not good for if the light is not good. to_do: what then helps.
+    """
 
     what: str
     light: Light
     figure: str
     bounds: str
+    use: str
+    to_do: str
 
 
 def verdicts(run: ReportedRun) -> tuple[Verdict, ...]:
@@ -71,47 +83,58 @@ def _geometry(run: ReportedRun) -> Iterator[Verdict]:
     placed = run.figure("sfm", "registered_share")
     if placed is not None:
         figure = f"{number(run.metric('sfm', 'registered'))} of {number(run.metric('sfm', 'photos'))}"
-        yield Verdict("photographs with a pose", _least(placed, 0.95, 0.75), figure, "good from 95 %, bad below 75 %")
+        light, bounds = _least(placed, 0.95, 0.75), "good from 95 %, bad below 75 %"
+        yield Verdict("photographs with a pose", light, figure, bounds, MAP, REMEDIES["pose"])
     error_px = run.figure("sfm", "reprojection_px")
     if error_px is not None:
-        yield Verdict("reprojection error", _most(error_px, 1, 2), f"{error_px:.2f} px", "good to 1 px, bad above 2")
+        light, bounds = _most(error_px, 1, 2), "good to 1 px, bad above 2"
+        yield Verdict("reprojection error", light, f"{error_px:.2f} px", bounds, MAP, REMEDIES["error"])
     gps_m = run.figure("sfm", "gps_residual_m_median")
     if gps_m is not None:
-        yield Verdict("GPS error, median", _most(gps_m, 5, 15), f"{gps_m:.1f} m", "good to 5 m, bad above 15")
+        light, bounds = _most(gps_m, 5, 15), "good to 5 m, bad above 15"
+        yield Verdict("GPS error, median", light, f"{gps_m:.1f} m", bounds, MAP, REMEDIES["gps"])
     elif run.record("sfm"):
-        yield Verdict("GPS", "check", "not used", "without it, lengths are nominal")
+        yield Verdict("GPS", "check", "not used", "without it, lengths are nominal", MAP, REMEDIES["no gps"])
     if run.seen_by is not None and (run.seen_by >= 0).any():
         share = float((run.seen_by[run.seen_by >= 0] >= ENOUGH).mean())
         what = f"ground seen by {ENOUGH} or more photographs"
-        yield Verdict(what, _least(share, 0.8, 0.5), percent(share), "good from 80 %, bad below 50 %")
+        light, bounds = _least(share, 0.8, 0.5), "good from 80 %, bad below 50 %"
+        yield Verdict(what, light, percent(share), bounds, MAP, REMEDIES["ground"])
     bad = _of_folds(run, "overlap", "bad_members_share")
     if bad:
-        yield Verdict(
-            "bad group members", _most(max(bad), 0.01, 0.2), percent(max(bad), 1), _bounds("1 %", "20 %", bad)
-        )
+        light, bounds = _most(max(bad), 0.01, 0.2), _bounds("1 %", "20 %", bad)
+        yield Verdict("bad group members", light, percent(max(bad), 1), bounds, VIEWS, REMEDIES["groups"])
     seen = _of_folds(run, "surface", "target_covered_share_full")
     if seen:
         what, bounds = "held-out photographs: share covered by the mesh", _bounds("90 %", "60 %", seen, least=True)
-        yield Verdict(what, _least(min(seen), 0.9, 0.6), percent(min(seen)), bounds)
+        yield Verdict(what, _least(min(seen), 0.9, 0.6), percent(min(seen)), bounds, MAP, REMEDIES["holes"])
     error_pct = run.figure("truth", "position_error_pct")
     if error_pct is not None:
-        bounds = "median, relative to the extent; good to 0.1 %, bad above 1 %"
-        yield Verdict(
-            "camera position error against ground truth", _most(error_pct, 0.1, 1), f"{error_pct:.3f} %", bounds
+        what, bounds = (
+            "camera position error against ground truth",
+            "median, relative to the extent; good to 0.1 %, bad above 1 %",
         )
+        yield Verdict(what, _most(error_pct, 0.1, 1), f"{error_pct:.3f} %", bounds, MAP, REMEDIES["error"])
 
 
 def _test(run: ReportedRun) -> Iterator[Verdict]:
     kept = _of_folds(run, "rendering", "kept_share")
     if kept:
         bounds = _bounds("90 %", "50 %", kept, least=True)
-        yield Verdict("rendered views kept", _least(min(kept), 0.9, 0.5), percent(min(kept)), bounds)
+        light = _least(min(kept), 0.9, 0.5)
+        yield Verdict("rendered views kept", light, percent(min(kept)), bounds, VIEWS, REMEDIES["renders"])
     audits = [run.in_fold(fold).metric("dataset", "leak_audit") for fold in range(run.folds)]
     found = [str(audit) for audit in audits if audit]
     if found:
-        light: Light = "good" if set(found) == {"pass"} else "check" if set(found) <= {"pass", "doubtful"} else "bad"
-        yield Verdict("leak audit", light, ", ".join(dict.fromkeys(found)), "good if every check passes")
+        light = "good" if set(found) == {"pass"} else "check" if set(found) <= {"pass", "doubtful"} else "bad"
+        figure = ", ".join(dict.fromkeys(found))
+        yield Verdict("leak audit", light, figure, "good if every check passes", VIEWS, REMEDIES["leaks"])
     nvs = run.metrics.get("nvs")
+    if nvs:
+        psnr_db = nvs["test_psnr_mean"]
+        light, figure = _least(psnr_db, _GOOD_DB, _BAD_DB), f"{psnr_db:.1f} dB"
+        bounds = f"good from {_GOOD_DB:g} dB ({off_words(_GOOD_DB)}), bad below {_BAD_DB:g} dB ({off_words(_BAD_DB)})"
+        yield Verdict("held-out photographs, predicted", light, figure, bounds, VIEWS, REMEDIES["views"])
     if nvs and any(value is not None for value in nvs["cheap"].values()):
         cheap = {name: value for name, value in nvs["cheap"].items() if value is not None}
         yield _against_cheap(nvs["test_psnr_mean"], cheap, nvs["over_ci"])
@@ -128,4 +151,9 @@ def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[st
         "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
     )
     interval = f" ({ends[0]:+.2f} to {ends[1]:+.2f})" if ends else ""
-    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB{interval}", bounds)
+    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB{interval}", bounds, MODEL, REMEDIES["model"])
+
+
+def off_words(psnr_db: float) -> str:
+    """Return by how much a pixel is off, root mean square, as people read it."""
+    return f"pixels {percent(10 ** (-psnr_db / 20))} of full brightness off"

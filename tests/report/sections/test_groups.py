@@ -40,6 +40,13 @@ def test_a_group_is_told_by_what_its_members_share_with_the_centre(tmp_path):
     assert "110 p10.jpg" in test and ">21.25<" in test and ">-<" in test  # nothing of it could be judged
 
 
+def test_the_method_of_the_run_stands_out(tmp_path):
+    run = measured(tmp_path)
+    page = groups(ReportedRun([(s, r.model_copy(update={"metrics": {"method": "ray"}}) if s.name == "grouping" else r, f)
+                               for s, r, f in run.made], run.metrics))  # fmt: skip
+    assert "<b>ray</b>" in page and "<b>sequence</b>" not in page
+
+
 def test_ways_of_grouping_stand_side_by_side(tmp_path):
     page = groups(measured(tmp_path))
     sequence = page.partition(">sequence<")[2].partition("</tr>")[0]

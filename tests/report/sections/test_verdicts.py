@@ -23,9 +23,18 @@ def test_the_light_follows_the_bounds_that_are_written_beside_it(tmp_path, share
 )
 def test_the_model_is_judged_by_its_paired_lead_over_the_cheap_answers(model, low, light):
     nvs = {"test_psnr_mean": model, "cheap": CHEAP, "over_ci": {key: [low, model - 23] for key in CHEAP}}
-    (judged,) = verdicts(run_of([], nvs=nvs))
+    _, judged = verdicts(run_of([], nvs=nvs))
     assert judged.light == light and "mesh render" in judged.what
     assert judged.figure == f"{model - 24:+.2f} dB ({low:+.2f} to {model - 23:+.2f})"
+
+
+@pytest.mark.parametrize(
+    ("psnr", "light"), [(31.0, "good"), (25.0, "good"), (24.9, "check"), (20, "check"), (19.9, "bad")]
+)
+def test_predictions_are_judged_by_how_far_their_pixels_are_off(psnr, light):
+    nvs = {"test_psnr_mean": psnr, "cheap": {"nearest_copy": None}, "over_ci": {}}
+    (judged,) = verdicts(run_of([], nvs=nvs))
+    assert judged.light == light and "bad below 20 dB (pixels 10 % of full brightness off)" in judged.bounds
 
 
 def test_the_worst_leak_audit_of_all_folds_counts(tmp_path):

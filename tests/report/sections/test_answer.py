@@ -1,0 +1,130 @@
+"""The answer follows from the checks: what it says for a figure is what the rule says."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from aug3d_core.factory.plan import Step
+from aug3d_core.factory.stages import STAGES
+from aug3d_core.judging.files import TEST_VIEWS
+from aug3d_core.report.sections.answer import answer, thin_words, worst
+from aug3d_core.report.sections.verdicts import MAP, VIEWS, Verdict
+from tests.report.made_up_run import EVIL, flown, record, run_of
+from tests.report.test_scene_report import EVALUATION
+
+CHEAP = {"nearest_copy": 15.0, "mesh_render": 24.0}
+
+
+def plain(html: str) -> str:
+    return re.sub("<[^>]+>", " ", html)
+
+
+def placed(share: float, **more) -> dict:
+    return {
+        "registered_share": share,
+        "registered": round(40 * share),
+        "photos": 40,
+        "gps_residual_m_median": 1.0,
+        **more,
+    }
+
+
+def of(folder, metrics: dict, nvs: dict | None = None, failure=None) -> str:
+    changes = ({"nvs": nvs} if nvs else {}) | ({"failure": failure} if failure else {})
+    return answer(run_of([(Step(STAGES["sfm"]), record("sfm", metrics=metrics), folder)], **changes))
+
+
+@pytest.mark.parametrize(
+    ("share", "said", "word"),
+    [(1.0, "Good enough for", "yes"), (0.8, "With care for", "with care"), (0.5, "Not good enough for", "no")],
+)
+def test_a_use_is_as_good_as_its_worst_check(tmp_path, share, said, word):
+    page = of(tmp_path, placed(share, reprojection_px=0.4))
+    assert f"{said} {MAP}." in page and f">{word}</span>" in page
+    assert ("held back by photographs with a pose: " in page) == (share < 0.95)
+    assert ("have no pose" in page) == ("neighbours overlap by 75 %" in page) == (share < 1)
+
+
+def test_where_all_is_good_nothing_has_to_be_done(tmp_path):
+    page = plain(of(tmp_path, placed(1.0)))
+    assert "Nowhere that was measured." in page and "Nothing has to be done. aug3d predict s makes views" in page
+
+
+def test_what_is_bad_is_done_first(tmp_path):
+    page = plain(of(tmp_path, placed(0.8, reprojection_px=3.0)))
+    assert page.index("fixed zoom and focus") < page.index("neighbours overlap by 75 %")
+
+
+@pytest.mark.parametrize(
+    ("ends", "said", "light"),
+    [
+        ((0.2, 2.0), "The model</b>", "good"),
+        ((-0.2, 2.0), "The model or mesh render: neither is surely better</b>", "check"),
+        ((-3.0, -0.2), "Mesh render, not the model</b>", "bad"),
+        (None, "The model or mesh render</b>", "check"),
+    ],
+)
+def test_which_pictures_to_use_follows_from_the_interval(tmp_path, ends, said, light):
+    nvs = {"test_psnr_mean": 25.5, "cheap": CHEAP, "over_ci": dict.fromkeys(CHEAP, ends)}
+    page = of(tmp_path, placed(1.0), nvs)
+    row = page.partition("The model")[0].rpartition("<li>")[2] if light != "bad" else page.partition("Mesh render")[0]
+    assert said in page and f'light {light}">' in row.rpartition("<span")[2]
+    assert "+1.50 dB over the best answer without learning, mesh render" in page
+    assert f"Good enough for {MAP} and for {VIEWS}." in page
+
+
+def test_the_worst_photograph_is_named(tmp_path):
+    rows = {"group": [0, 1], "photo_id": [7, 12], "psnr": [24.0, 20.0], "ssim": [0.7, 0.5]}
+    pd.DataFrame(rows).to_parquet(tmp_path / TEST_VIEWS)
+    made = [(Step(STAGES["evaluation"]), record("evaluation", metrics=EVALUATION), tmp_path)]
+    page = plain(answer(run_of(made)))
+    assert "Of 2 held-out photographs 12 is predicted worst: 20.0 dB, pixels 10 % of full brightness off." in page
+
+
+def test_a_run_that_stopped_says_what_to_do_first(tmp_path):
+    page = of(tmp_path, placed(0.8), failure={"problem": "no", "remedy": "fly <again>"})
+    assert "The run stopped before its end. With care for" in page
+    assert plain(page).partition("What to do")[2].split() and "<ol><li>fly &lt;again&gt;</li>" in page
+
+
+def test_nothing_measured_has_no_answer():
+    assert answer(run_of([])) == ""
+
+
+def test_a_flight_is_answered_from_its_files(tmp_path):
+    page = answer(flown(tmp_path))
+    assert "1 of 13 photographs have no pose." in page and EVIL not in page
+    assert "of the mapped ground is in fewer than 5 photographs" in page
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "place"),
+    [
+        (slice(0, 3), slice(7, 11), "in the north-east"),
+        (slice(5, 7), slice(4, 7), "in the south"),
+        (slice(3, 5), slice(4, 7), "in the middle"),
+    ],
+)
+def test_thin_ground_has_a_place(rows, columns, place):
+    seen = np.full((7, 11), 9)
+    seen[rows, columns] = 2
+    said = thin_words(seen, compass=True)
+    assert f"most of it {place}, where" in said
+    assert said.startswith(f"{(seen == 2).mean() * 100:.0f} % of the mapped ground")
+
+
+def test_without_north_a_place_is_on_the_map_and_unknown_ground_does_not_count():
+    seen = np.full((7, 11), -1)
+    seen[:3, :4] = 4
+    assert thin_words(seen, compass=False) == (
+        "100 % of the mapped ground is in fewer than 5 photographs, most of it at the upper left of the map, where 100 % of the"
+        " ground is."
+    )
+    assert thin_words(np.full((7, 11), 5), compass=True) == ""
+
+
+def test_the_worst_light_counts():
+    some = [Verdict("", light, "", "", MAP, "") for light in ("good", "check")]
+    assert worst(some) == "check" and worst(some[:1]) == "good"
