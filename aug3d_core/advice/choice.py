@@ -22,10 +22,9 @@ from aug3d_core.geometry.views import Views
 _APART = 4  # candidates along a picture
 _MOST_PLACES = 1200
 _HEADINGS_DEG = (0.0, 90.0, 180.0, 270.0)
-_OBLIQUE_DEG = 35.0  # tilt of the cameras that look at walls
-_BEYOND = 0.75  # pictures: so far outside the area candidates may stand, to look into it
+_BEYOND = 0.75  # pictures: so far outside the area a tilted camera may stand, to look into it
 _STEEP_DEG = 3.0  # tilt below which a heading changes nothing
-_STRAIGHT_DEG = 30.0  # tilt that the usual one of an oblique flight counts as, at most
+_MOST_TILT_DEG = 45.0
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,9 @@ class Choice:
 
 
 def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]:
-    """Return where cameras may stand, and their yaw and pitch [degrees]: as the flight looked, straight down, and obliquely."""
+    """Return where cameras may stand, and their yaw and pitch [degrees]: tilted as the flight was, and straight down."""
     looks = forward(views.cam_from_world)
-    usual = min(float(np.median(np.degrees(np.arccos(np.clip(-looks[:, 2], -1, 1))))), _STRAIGHT_DEG)
+    usual = min(float(np.median(np.degrees(np.arccos(np.clip(-looks[:, 2], -1, 1))))), _MOST_TILT_DEG)
     tilts = [0.0] if usual < _STEEP_DEG else [0.0, usual]
     step = site.picture / _APART
     wanted = site.area.middle(site.area.wanted)
@@ -68,7 +67,7 @@ def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Floa
     grid = np.stack(np.meshgrid(*(np.arange(a - beyond, b + beyond, step) for a, b in zip(low, high, strict=True))), -1)
     grid = grid.reshape(-1, 2)
     stand, turn = [], []
-    for tilt in (*tilts, _OBLIQUE_DEG):
+    for tilt in tilts:
         for yaw in _HEADINGS_DEG if tilt else _HEADINGS_DEG[:2]:  # a picture upside down shows the same
             ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
             aims = site.area.has(grid + ahead * site.height * np.tan(np.radians(tilt)))

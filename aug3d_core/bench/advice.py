@@ -1,7 +1,8 @@
 """What `aug3d advise` is worth: the virtual drone flies the advice, and as many photographs in lines and at random.
 
-A town is flown with a gap. Every fifth photograph, wherever it lies, is held out: nobody sees it. What 20 more photographs add
-is the PSNR of the shipped model on those held out, and the F-score of the mesh, over the flight as it was.
+A town is flown with a gap. Photographs that nobody sees were taken all over it, in the gap too, as the flight's own: they
+judge. What 20 more photographs add is the PSNR of the shipped model on them, and the F-score of the mesh where the whole
+flight looks.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ TOWNS = (
     ("town.seed=23", "town.path=nadir", "town.buildings=dense"),
 )
 MORE, MARGIN_M = 20, 15.0
-_HELD_OUT = 5  # every fifth photograph
+_JUDGES = 40
 _GAP = (-45.0, 45.0, -20.0, np.inf)  # west, east, south, north [m]: no photograph is taken from there
 _SIZE_PX, _INPUTS = (256, 192), 3
 _WITHIN = 0.01  # of the extent: distance of the F-score
@@ -62,14 +63,15 @@ _LATER = datetime(2024, 6, 15, 10, 30)
 
 @dataclass(frozen=True)
 class Flown:
-    """A town as it was flown. given: which photographs anybody sees; held_out: which judge."""
+    """A town as it was flown. given: which photographs anybody sees. judges: those that nobody does, with their true poses."""
 
     config: TownConfig
     truth: Views
     mesh: Mesh
     photos: Sequence[Path]
     given: Bool[np.ndarray, " n"]
-    held_out: Bool[np.ndarray, " n"]
+    judges: Sequence[Path]
+    judged_from: Float[np.ndarray, "t 3 4"]
 
 
 def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
@@ -115,9 +117,21 @@ def _flown(store: Store, scene: Measured, overrides: Sequence[str], say: Say) ->
     east, north, _ = centres(truth.cam_from_world).T
     west_end, east_end, south_end, north_end = _GAP
     in_gap = (east > west_end) & (east < east_end) & (north > south_end) & (north < north_end)
-    held_out = np.arange(len(truth)) % _HELD_OUT == _HELD_OUT // 2
     photos = sorted((folder / TOWN_PHOTOS).iterdir())
-    return Flown(config, truth, Mesh.load(folder / TRUTH_MESH), photos, ~in_gap & ~held_out, held_out)
+    judged_from = _anywhere(config, truth)
+    judges = fly(config, judged_from, store.root / f"judges_{config.seed}", say)
+    return Flown(config, truth, Mesh.load(folder / TRUTH_MESH), photos, ~in_gap, judges, judged_from)
+
+
+def _anywhere(config: TownConfig, truth: Views) -> Float[np.ndarray, "t 3 4"]:
+    """Return poses anywhere over the flight, as high and as tilted, along its lines either way."""
+    rng, at, terrain = np.random.default_rng([config.seed, _JUDGES]), centres(truth.cam_from_world), terrain_of(config)
+    pitch = -90.0 if config.path == "nadir" else config.tilt_deg - 90
+    found = []
+    for x, y in rng.uniform(at[:, :2].min(axis=0), at[:, :2].max(axis=0), (_JUDGES, 2)):
+        z = config.altitude_m + float(terrain.trend_in_world(x, y))
+        found.append(pose(np.array([x, y, z]), float(rng.choice([90.0, 270.0])), pitch))
+    return np.stack(found)
 
 
 def _arms(store: Store, scene: Measured, flown: Flown, number: int, say: Say):
@@ -186,11 +200,7 @@ def fly(config: TownConfig, cam_from_world: Float[np.ndarray, "n 3 4"], folder: 
         rgb, alpha, _ = studio.shoot(0, count, lambda done: say("drone", done, count, "photographs"))
     for i, file in enumerate(files):
         darkroom.develop(rgb[i], alpha[i], i, file)
-    np.savez(folder / TRUE_POSES, cam_from_world=cam_from_world)
     return files
-
-
-TRUE_POSES = "true_poses.npz"
 
 
 def _made(store: Store, scene: Measured, photos: Sequence[Path], folder: Path, say: Say) -> Trial:
@@ -203,15 +213,14 @@ def _made(store: Store, scene: Measured, photos: Sequence[Path], folder: Path, s
 
 
 def _judged(store: Store, trial: Trial, flown: Flown) -> tuple[float, float]:
-    """Return PSNR on the photographs held out, and the F-score of the mesh over the whole flight."""
+    """Return PSNR on the photographs that judge, and the F-score of the mesh over the whole flight."""
     sfm, photos, surface = (store.files_dir(trial.records[name]) for name in ("sfm", "photos", "surface"))
     true_from_found = laid_over_truth(sfm, photos, flown)
     mesh = Mesh.load(surface / BASELINE_MESH)
     mesh = replace(mesh, xyz=true_from_found.apply(mesh.xyz.astype(float)))
     errors = compare_meshes(mesh, flown.mesh, flown.truth, np.random.default_rng(0))
-    poses = true_from_found.inverse().move_cameras(flown.truth.cam_from_world[flown.held_out])
-    truths = [photo for photo, so in zip(flown.photos, flown.held_out, strict=True) if so]
-    scores = in_own_process(partial(predicted_psnr, sfm, poses, truths, flown.truth.intrinsics[0]))
+    poses = true_from_found.inverse().move_cameras(flown.judged_from)
+    scores = in_own_process(partial(predicted_psnr, sfm, poses, flown.judges, flown.truth.intrinsics[0]))
     return float(np.mean(scores)), errors.score(_WITHIN * extent_m(flown.truth)).fscore
 
 

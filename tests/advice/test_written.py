@@ -24,7 +24,7 @@ def test_with_gps_there_are_files_for_the_field(tmp_path: Path) -> None:
     names = {path.name for path in (tmp_path / "advice").iterdir()}
     assert names == {"advice.html", "advice.csv", "advice.geojson", "advice.kml", "mission.kmz"}
     assert page.count('class="new"') == 5 and "mission.kmz" in page and "hole of the mesh" in page
-    assert "my &lt;scene&gt;" in page and "<scene>" not in page and "fewer than 3" in verdict(plan)
+    assert "my &lt;scene&gt;" in page and "<scene>" not in page and "poorly photographed" in verdict(plan)
 
 
 def test_without_gps_there_are_none(tmp_path: Path) -> None:

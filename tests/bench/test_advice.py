@@ -20,7 +20,7 @@ def flown() -> Flown:
     truth = views()
     photos = [Path(f"town_{i:04d}.jpg") for i in range(len(truth))]
     given = np.ones(len(truth), bool)
-    return Flown(TownConfig(), truth, mesh(), photos, given, ~given)
+    return Flown(TownConfig(), truth, mesh(), photos, given, [], truth.cam_from_world[:0])
 
 
 def test_every_way_takes_as_many_photographs_over_the_same_area_above_the_same_floor(tmp_path: Path) -> None:
