@@ -77,6 +77,22 @@ def test_show_tells_the_same(first: dict[str, Any], home: Path) -> None:
     )
 
 
+def test_advice_for_it_is_written_and_names_places(first: dict[str, Any], home: Path, tmp_path: Path) -> None:
+    aug3d = str(Path(sys.executable).parent / "aug3d")
+    folder = tmp_path / "advice"
+    done = subprocess.run(
+        [aug3d, "advise", "demo", str(folder), "--photos", "3", "--json", "--home", str(home)],
+        capture_output=True,
+        text=True,
+    )
+    told = json.loads(done.stdout)
+    assert {path.name for path in folder.iterdir()} == set(told["files"]) >= {"advice.html", "mission.kmz"}
+    assert len(told["photographs"]) == 3 and told["missing"] == sorted(told["missing"], reverse=True)
+    assert all(one["xyz"][2] >= told["floor"] >= told["highest_roof"] + 15 for one in told["photographs"])
+    again = subprocess.run([aug3d, "advise", "demo", str(folder), "--home", str(home)], capture_output=True, text=True)
+    assert again.returncode == 2 and "not an empty folder" in again.stderr + again.stdout
+
+
 def test_mlflow_holds_the_run(first: dict[str, Any], home: Path) -> None:
     code = (
         "import sys, json; from mlflow.tracking import MlflowClient; c = MlflowClient(sys.argv[1]);"
