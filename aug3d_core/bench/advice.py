@@ -7,6 +7,7 @@ flight looks.
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -174,7 +175,9 @@ def _ways(plan: Plan, flown: Flown, rng: np.random.Generator) -> Mapping[str, Fl
 
 
 def fly(config: TownConfig, cam_from_world: Float[np.ndarray, "n 3 4"], folder: Path, say: Say) -> list[Path]:
-    """Take photographs of a town from true poses, a day after its flight; those that are there already are kept."""
+    """Take photographs of a town from true poses, a day after its flight; the same that were taken before are kept."""
+    asked = hashlib.sha256(config.model_dump_json().encode() + cam_from_world.tobytes()).hexdigest()
+    folder = folder / asked[:16]
     count, lens, terrain = len(cam_from_world), Lens.of(config), terrain_of(config)
     files = [folder / f"zz_more_{i:03d}.jpg" for i in range(count)]
     if all(file.exists() for file in files):
