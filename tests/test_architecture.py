@@ -25,10 +25,12 @@ DOORS = {
         "aug3d_core/novel",
         "aug3d_core/poses/torch_files.py",
         "aug3d_core/export/chunks.py",
+        "aug3d_core/view/predictor.py",
         "aug3d_core/domes/methods/sam_worker.py",
     },
     "rasterio": {"aug3d_core/export/maps.py"},
     "trimesh": {"aug3d_core/export/glb.py"},
+    "viser": {"aug3d_core/view"},
     "obstore": {"aug3d_core/store/bucket.py"},
     "transformers": {"aug3d_core/domes/methods/sam_worker.py"},
     "prefect": {"tasks", "flows"},
@@ -42,7 +44,7 @@ ORDER = (
     "run", "geometry",
     "photos", "poses", "sfm", "split", "groups", "depth", "surface", "overlap", "domes", "rendering", "dataset",
     "heads", "training", "judging", "novel", "town",
-    "store", "factory", "metrics", "report", "look", "export", "scene_files", "collections", "studies", "bench",
+    "store", "factory", "metrics", "report", "look", "export", "view", "scene_files", "collections", "studies", "bench",
 )  # fmt: skip
 STAGES = ORDER[ORDER.index("photos") : ORDER.index("store")]
 # Besides `files.py`, which every later stage may read, stage packages import of one another only what is listed here.
