@@ -6,7 +6,8 @@ import json
 import os
 import secrets
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -64,6 +65,7 @@ def _serve(store: Store, scene: str, port: int, as_json: bool) -> None:
         return store.files_dir(record, read_of(record))
 
     with listening(port) as socket:
+        loading = ThreadPoolExecutor(1).submit(_predictor, store, version)
         shown = read_finished(scene, folder_of)
         placed = object_of(store, version, "sfm")
         door = Door(serving.password, _NAMES, healthy="", posts=False, command="aug3d view")
@@ -72,7 +74,7 @@ def _serve(store: Store, scene: str, port: int, as_json: bool) -> None:
         with terminable():
             try:
                 _tell(f"http://127.0.0.1:{socket.getsockname()[1]}/", serving.password, own_password, scene, as_json)
-                threading.Thread(target=_load, args=(viewer, lambda: _predictor(store, version)), daemon=True).start()
+                loading.add_done_callback(lambda loaded: _bring(viewer, loaded))
                 threading.Event().wait()
             except KeyboardInterrupt:
                 return
@@ -87,10 +89,10 @@ def _predictor(store: Store, version: Mapping[str, Any]) -> Predictor:
     return Predictor.load(dataset, training, judged_with(store, version))
 
 
-def _load(viewer: Viewer, load: Callable[[], Predictor]) -> None:
+def _bring(viewer: Viewer, loaded: Future[Predictor]) -> None:
     """Bring the model into the page; where there is none, the page says why and shows the rest."""
     try:
-        viewer.predict_with(load())
+        viewer.predict_with(loaded.result())
     except Aug3dError as error:
         viewer.say(f"**No predictions**: {error.problem}\n\n{error.remedy}")
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aug3d_core.judging import video
 from aug3d_core.run.errors import InputError, UsageError
 from aug3d_core.view.poses import Pose, through
-from aug3d_core.view.predictor import Predictor
+
+if TYPE_CHECKING:
+    from aug3d_core.view.predictor import Predictor
 
 FRAMES_PER_SECOND = 24
 SECONDS = 2  # from a key view to the next

@@ -1,7 +1,7 @@
 """A trained model that stays loaded and predicts what a camera sees, one view after another.
 
 A view is predicted as `aug3d predict` does, but from a scaffold that is made in milliseconds: the points of its inputs'
-scaffolds, seen from there. While the camera moves, its holes are filled with the ground, so that the model need not search them.
+scaffolds, seen from there. While the camera moves, its holes are filled with the ground: the model need not search them.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -31,22 +31,11 @@ from aug3d_core.heads.head import Head
 from aug3d_core.run.errors import InputError
 from aug3d_core.view.finished import packed
 from aug3d_core.view.inputs import Candidates
+from aug3d_core.view.pictures import Predicted
 from aug3d_core.view.poses import Pose, fov_of, intrinsics_of
 
 _KEPT = 64  # photographs whose points, and groups of inputs whose pictures, stay in memory
 _EVERY = 97  # of the points, for the nearest and the farthest
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """A predicted view. seen: some input shows it. photo_ids: of its inputs. half: of the size. seconds: that it took."""
-
-    colour: UInt8[np.ndarray, "h w 3"]
-    depth: Float[np.ndarray, "h w"] | None
-    seen: Bool[np.ndarray, "h w"] | None
-    photo_ids: tuple[int, ...]
-    half: bool
-    seconds: float
 
 
 class Predictor:

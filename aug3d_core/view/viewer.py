@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
@@ -19,13 +20,15 @@ from aug3d_core.view.colours import GROUP, REGISTRATION, SPLIT, colours_of
 from aug3d_core.view.film import write_film
 from aug3d_core.view.finished import Finished
 from aug3d_core.view.latest import Latest
-from aug3d_core.view.pictures import COLOUR, OVERLAYS, overlaid, photograph
+from aug3d_core.view.pictures import COLOUR, OVERLAYS, Predicted, enlarged, overlaid, photograph
 from aug3d_core.view.poses import Pose, fov_of, from_browser, to_browser
-from aug3d_core.view.predictor import Predicted, Predictor
+
+if TYPE_CHECKING:
+    from aug3d_core.view.predictor import Predictor
 
 _SLOW_S = 0.15  # a view that takes longer is predicted at half its size while the camera moves
 _RATED = 8  # the last views, whose times are told
-_GREY = np.full((192, 256, 3), 60, np.uint8)
+_GREY = np.full((384, 512, 3), 60, np.uint8)
 
 
 class Viewer:
@@ -115,11 +118,12 @@ class Viewer:
         self._draw()
         height, width = view.colour.shape[:2]
         from_photos = ", ".join(self._shown.names.get(one, str(one)) for one in view.photo_ids)
-        self._told.content = f"{view.seconds:.2f} s a view, {1 / view.seconds:.1f} views a second, {width} x {height} px\n\nfrom {from_photos}"
+        figures = f"{view.seconds:.2f} s a view, {1 / view.seconds:.1f} views a second, {width} x {height} px"
+        self._told.content = f"{figures}\n\nfrom {from_photos}"
 
     def _draw(self) -> None:
         if self._view is not None:
-            self._picture.image = overlaid(self._view, self._overlay.value)
+            self._picture.image = enlarged(overlaid(self._view, self._overlay.value))
 
     def _show_photograph(self, row: int) -> None:
         shown = self._shown

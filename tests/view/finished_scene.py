@@ -1,4 +1,4 @@
-"""A finished scene in a store, made of the toy world in a second: what `aug3d view` reads, and a network that learned nothing."""
+"""A finished scene in a store, made of the toy world: what `aug3d view` reads, and a network that learned nothing."""
 
 from __future__ import annotations
 
