@@ -24,7 +24,7 @@ _FRUSTUM, _LINE_PX = 0.06, 2.0  # length of a drawn camera, in distances to the 
 _POINT = 0.002  # size of a point, likewise
 _WORLD_FROM_GLTF_WXYZ = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)  # y up -> z up
 _AMBIENT = float(np.pi)  # makes a matt surface as bright as its texture
-_ASIDE = 0.45  # of the height: so far beside the middle the first camera stands, to look at it at a slant
+_ASIDE = 0.3  # of the height: so far beside the middle the first camera stands, to look at it at a slant
 _PATH_RGB = (255, 193, 7)
 
 
@@ -70,6 +70,7 @@ def draw(server: viser.ViserServer, shown: Finished, clicked: Callable[[int], No
     """Draw everything. clicked: is called with the row of a camera that was clicked."""
     scene = server.scene
     scene.configure_default_lights(enabled=False)
+    scene.configure_environment_map(hdri=None)
     scene.add_light_ambient("/light", intensity=_AMBIENT)
     height = _height(shown)
     cameras = {row: _camera(server, shown, row, _FRUSTUM * height, clicked) for row in _rows(shown)}

@@ -54,7 +54,8 @@ class Predictor:
     @classmethod
     def load(cls, dataset: Path, training: Path, input_views: int) -> Predictor:
         """Read a data set and a trained model; raises InputError if either is damaged."""
-        torch.set_num_threads(len(os.sched_getaffinity(0)))
+        # One core is the browser's: with a thread on each, they wait for each other, and a view takes many times as long
+        torch.set_num_threads(max(1, len(os.sched_getaffinity(0)) - 1))
         return cls(read(packed(dataset), Cache()), saved.load(training), input_views)
 
     @property

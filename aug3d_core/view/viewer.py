@@ -26,8 +26,9 @@ from aug3d_core.view.poses import Pose, fov_of, from_browser, to_browser
 if TYPE_CHECKING:
     from aug3d_core.view.predictor import Predictor
 
-_SLOW_S = 0.15  # a view that takes longer is predicted at half its size while the camera moves
-_RATED = 8  # the last views, whose times are told
+_SLOW_S = 0.1  # a view that takes longer is predicted at half its size while the camera moves
+_HALF_TIMES = 3  # so much faster that is
+_RATED = 5  # the last views, whose times decide
 _GREY = np.full((384, 512, 3), 60, np.uint8)
 
 
@@ -106,14 +107,14 @@ class Viewer:
     def _predict(self, pose: Pose, still: bool) -> None:
         predictor = self._predictor
         assert predictor is not None
-        slow = bool(self._seconds) and float(np.median(self._seconds)) > _SLOW_S
+        half = not still and bool(self._seconds) and float(np.median(self._seconds)) > _SLOW_S
         try:
-            view = predictor.predict(pose, quick=not still, half=slow and not still)
+            view = predictor.predict(pose, quick=not still, half=half)
         except Aug3dError as error:
             self._told.content = f"{error.problem}: {error.remedy}"
             return
-        if not view.half:
-            self._seconds.append(view.seconds)
+        if not still:
+            self._seconds.append(view.seconds * (_HALF_TIMES if half else 1))
         self._view = view
         self._draw()
         height, width = view.colour.shape[:2]
