@@ -83,9 +83,9 @@ def _serve(store: Store, scene: str, port: int, as_json: bool) -> None:
 
 
 def _predictor(store: Store, version: Mapping[str, Any]) -> Predictor:
+    dataset, training = (store.files_dir(object_of(store, version, step)) for step in ("dataset", "training"))
     from aug3d_core.view.predictor import Predictor
 
-    dataset, training = (store.files_dir(object_of(store, version, step)) for step in ("dataset", "training"))
     return Predictor.load(dataset, training, judged_with(store, version))
 
 

@@ -20,11 +20,14 @@ MESH, POINTS, PHOTOS, TESTS, DOMES = "mesh", "points", "cameras", "test views", 
 SHOWN_AT_FIRST = {MESH: True, PHOTOS: True, TESTS: True}
 _MOST_FRUSTUMS = 1000  # above this, only every n-th camera is drawn, and all test views
 _MOST_POINTS = 500_000
-_FRUSTUM, _LINE_PX = 0.06, 2.0  # length of a drawn camera, in distances to the ground; width of its lines
+_FRUSTUM, _LINE_PX = 0.05, 2.0  # length of a drawn camera, in distances to the ground; width of its lines
 _POINT = 0.002  # size of a point, likewise
 _WORLD_FROM_GLTF_WXYZ = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)  # y up -> z up
 _AMBIENT = float(np.pi)  # makes a matt surface as bright as its texture
-_ASIDE = 0.3  # of the height: so far beside the middle the first camera stands, to look at it at a slant
+_FIRST_UP, _FIRST_ASIDE = (
+    1.3,
+    0.35,
+)  # of the height: where the first camera stands, above the others and beside the middle
 _PATH_RGB = (255, 193, 7)
 
 
@@ -54,13 +57,13 @@ def pose_of(views: Views, row: int) -> Float[np.ndarray, "4 4"]:
 
 
 def look(server: viser.ViserServer, shown: Finished) -> None:
-    """Put the first camera among the others, looking at the middle of the scene at a slant, as high as they fly."""
+    """Put the first camera a little above the others, looking at the middle of the scene at a slant."""
     eyes = invert(shown.views.cam_from_world)[..., 3]
     height = _height(shown)
     middle = np.median(eyes, axis=0)
     spot = middle + height * np.median(shown.views.cam_from_world[:, 2, :3], axis=0)
     first = server.initial_camera
-    first.position = spot + np.array([0, -_ASIDE * height, middle[2] - spot[2]]) - shown.middle_in_world
+    first.position = spot + height * np.array([0, -_FIRST_ASIDE, _FIRST_UP]) - shown.middle_in_world
     first.look_at = spot - shown.middle_in_world
     first.fov = fov_of(np.median(shown.views.intrinsics, axis=0), float(np.median(shown.views.size[:, 1])))
     first.near, first.far = 0.01 * height, 100 * height

@@ -81,6 +81,7 @@ class Viewer:
             self._go = gui.add_button("Go to its pose", visible=False)
             self._go.on_click(self._go_there)
         with gui.add_folder("Shown"):
+            gui.add_button("Level the horizon").on_click(_level)
             by = gui.add_dropdown("Cameras by", (GROUP, SPLIT, REGISTRATION), initial_value=SPLIT)
             by.on_update(lambda _: self._colour(by.value))
             for name, handles in self._layers.parts.items():
@@ -111,6 +112,7 @@ class Viewer:
         try:
             view = predictor.predict(pose, quick=not still, half=half)
         except Aug3dError as error:
+            self._view, self._picture.image = None, _GREY
             self._told.content = f"{error.problem}: {error.remedy}"
             return
         if not still:
@@ -168,7 +170,8 @@ class Viewer:
         self._tell_path()
 
     def _tell_path(self) -> None:
-        self._path.content = f"{len(self._keys)} key views" if self._keys else "no key views"
+        count = len(self._keys)
+        self._path.content = f"{count or 'no'} key view{'' if count == 1 else 's'}"
         layers.draw_path(self._server, self._keys, self._shown)
 
     def _film(self) -> None:
@@ -191,6 +194,12 @@ class Viewer:
             self._path.content = f"{error.problem}: {error.remedy}"
         finally:
             self._write.disabled = False
+
+
+def _level(event: viser.GuiEvent) -> None:
+    """Turn the camera upright: at a photograph's pose it is held as that was."""
+    if event.client is not None:
+        event.client.camera.up_direction = (0.0, 0.0, 1.0)
 
 
 def _notes(shown: Finished) -> str:

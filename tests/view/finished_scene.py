@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -35,18 +36,22 @@ _FIELDS = {
 
 def finished_scene(home: Path, name: str = "toy", without: tuple[str, ...] = ()) -> Scene:
     """Write a scene into a store, and return what its data set holds. without: steps that its run did not come to."""
-    world = toy_world(np.random.default_rng(0))
-    scene = toy_scene(0, *SIZE_PX, world=world)
-    store, records = Store(home), {}
+    (scene, mesh), store, records = _toy(), Store(home), {}
     for stage, fill in _STAGES.items():
         if stage not in without:
             files = store.work_dir(stage, "k") / FILES
             files.mkdir(parents=True)
-            fill(files, scene, world.mesh())
+            fill(files, scene, mesh)
             records[stage] = store.commit(store.work_dir(stage, "k"), stage, "k", _FIELDS)
     version = new_version(store, name)
     write_metrics(version, {"scene": name, "paths": version_paths(store, version, records)})
     return scene
+
+
+@cache
+def _toy() -> tuple[Scene, Mesh]:
+    world = toy_world(np.random.default_rng(0))
+    return toy_scene(0, *SIZE_PX, world=world), world.mesh()
 
 
 def _views(scene: Scene) -> Views:

@@ -108,7 +108,8 @@ def test_a_viser_that_listens_by_itself_is_not_let_run(monkeypatch: pytest.Monke
     class OpenDoor(viser.ViserServer):
         def __init__(self, **given: Any) -> None:
             sockets.serve = open_door  # type: ignore[misc]
-            super().__init__(**given | {"port": 0})
+            given["port"] = 0
+            super().__init__(**given)
 
     monkeypatch.setattr(viser, "ViserServer", OpenDoor)
     with listening(0) as own, pytest.raises(Aug3dError, match="would let everybody in"):
