@@ -10,7 +10,7 @@ import numpy as np
 import viser
 from jaxtyping import Float, UInt8
 
-from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.geometry.transforms import homogeneous, invert, look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.view.colours import DOME, TARGET
 from aug3d_core.view.finished import Finished
@@ -56,17 +56,17 @@ def pose_of(views: Views, row: int) -> Float[np.ndarray, "4 4"]:
     return homogeneous(invert(views.cam_from_world[row]))
 
 
-def look(server: viser.ViserServer, shown: Finished) -> None:
-    """Put the first camera a little above the others, looking at the middle of the scene at a slant."""
+def look(server: viser.ViserServer, shown: Finished) -> Pose:
+    """Put the first camera a little above the others, looking at the middle of the scene at a slant, and return it."""
     eyes = invert(shown.views.cam_from_world)[..., 3]
     height = _height(shown)
-    middle = np.median(eyes, axis=0)
-    spot = middle + height * np.median(shown.views.cam_from_world[:, 2, :3], axis=0)
+    spot = np.median(eyes, axis=0) + height * np.median(shown.views.cam_from_world[:, 2, :3], axis=0)
+    eye = spot + height * np.array([0, -_FIRST_ASIDE, _FIRST_UP])
+    fov_rad = fov_of(np.median(shown.views.intrinsics, axis=0), float(np.median(shown.views.size[:, 1])))
     first = server.initial_camera
-    first.position = spot + height * np.array([0, -_FIRST_ASIDE, _FIRST_UP]) - shown.middle_in_world
-    first.look_at = spot - shown.middle_in_world
-    first.fov = fov_of(np.median(shown.views.intrinsics, axis=0), float(np.median(shown.views.size[:, 1])))
-    first.near, first.far = 0.01 * height, 100 * height
+    first.position, first.look_at = eye - shown.middle_in_world, spot - shown.middle_in_world
+    first.fov, first.near, first.far = fov_rad, 0.01 * height, 100 * height
+    return Pose(homogeneous(invert(look_at(eye, spot))), fov_rad)
 
 
 def draw(server: viser.ViserServer, shown: Finished, clicked: Callable[[int], None]) -> Layers:

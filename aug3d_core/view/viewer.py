@@ -42,14 +42,13 @@ class Viewer:
         self._server, self._shown, self._photo_of, self._folder = server, shown, photo_of, folder
         self._predictor: Predictor | None = None
         self._latest: Latest[Pose] = Latest(self._predict)
-        self._pose: Pose | None = None
+        self._pose = layers.look(server, shown)  # predicted before anybody looks, so that a picture is there at once
         self._keys: list[Pose] = []
         self._view: Predicted | None = None
         self._seconds: deque[float] = deque(maxlen=_RATED)
         self._chosen: int | None = None  # row of the photograph that was clicked
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large", dark_mode=True)
         server.gui.main_panel.dock_right()
-        layers.look(server, shown)
         self._layers = layers.draw(server, shown, self._show_photograph)
         self._panel()
         server.on_client_connect(self._connected)
@@ -57,8 +56,7 @@ class Viewer:
     def predict_with(self, predictor: Predictor) -> None:
         """Predict from now on, by this model."""
         self._predictor = predictor
-        if self._pose is not None:
-            self._latest.ask(self._pose)
+        self._latest.ask(self._pose)
 
     def say(self, why: str) -> None:
         """Tell, in place of the figures of predictions, why there are none."""
@@ -161,9 +159,8 @@ class Viewer:
         self._layers.paint(colours_of(by, shown.roles, shown.group, shown.error_px))
 
     def _add_key(self) -> None:
-        if self._pose is not None:
-            self._keys.append(self._pose)
-            self._tell_path()
+        self._keys.append(self._pose)
+        self._tell_path()
 
     def _clear(self) -> None:
         self._keys.clear()
