@@ -200,7 +200,7 @@ def test_no_module_imports_two_native_engines() -> None:
 
 
 def test_nothing_heavy_is_loaded_to_describe_and_start_the_stages() -> None:
-    heavy = {"prefect", "mlflow", "pycolmap", "open3d", "bpy", "torch", "cv2", "zarr", "scipy", "matplotlib"}
+    heavy = {"prefect", "mlflow", "pycolmap", "open3d", "bpy", "torch", "cv2", "zarr", "scipy", "matplotlib", "viser"}
     light = "aug3d_core.factory.stages, aug3d_core.factory.config, aug3d_core.factory.build, flows.cli"
     code = f"import sys, {light}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 STILL_S = 0.2  # nothing newer for so long: the camera stands
+_GOOD_BYE_S = 2.0
 _Asked = TypeVar("_Asked")
 
 
@@ -28,11 +29,11 @@ class Latest(Generic[_Asked]):
             self._told.notify()
 
     def end(self) -> None:
-        """Begin nothing more, and wait for what is being done."""
+        """Begin nothing more, and wait a moment for what is being done: a view of a slow head takes minutes."""
         with self._told:
             self._ended = True
             self._told.notify()
-        self._thread.join()
+        self._thread.join(_GOOD_BYE_S)
 
     def _run(self) -> None:
         while (what := self._next(None)) is not None:
