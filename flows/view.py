@@ -43,8 +43,9 @@ def view(
 ) -> None:
     """Fly through a finished scene in a browser: points, mesh, cameras, domes, and what its model predicts as you move.
 
-    Click a camera for its photograph; record a path to a video, which goes into this folder. The page is for who has the token
-    of the printed address, or AUG3D_PASSWORD. Ctrl-C ends it.
+    Click a camera for its photograph; record a path as a video, which goes to this folder.
+
+    The page opens for whoever has the printed address, or AUG3D_PASSWORD. Ctrl-C ends it.
     """
     with typed_errors(as_json, home), suppress(Stopped):
         store = Store(home)

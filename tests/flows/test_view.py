@@ -26,7 +26,7 @@ def test_a_scene_without_poses(tmp_path: Path) -> None:
     store = Store(tmp_path)
     version = new_version(store, "begun")
     write_metrics(version, {"scene": "begun", "paths": version_paths(store, version, {})})
-    done = invoke("begun", "--home", tmp_path, "--port", 0)
+    done = invoke("begun", "--home", tmp_path, "--port", "0")
     assert done.exit_code == 2 and "scene 'begun' has no sfm" in done.output
 
 
