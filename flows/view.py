@@ -7,7 +7,7 @@ import os
 import secrets
 import threading
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -80,6 +80,7 @@ def _serve(store: Store, scene: str, port: int, as_json: bool) -> None:
             except KeyboardInterrupt:
                 return
             finally:
+                wait([loading])  # seconds at most; cut off, it would end in a traceback
                 viewer.close()
 
 

@@ -43,7 +43,7 @@ def guarded_server(own: socket.socket, gate: Gate, label: str) -> viser.ViserSer
     with _instead_of_an_open_port(own, gate) as taken, redirect_stdout(io.StringIO()):  # it greets
         server = viser.ViserServer(host=HOST, port=own.getsockname()[1], label=label, verbose=False)
     if not taken:
-        server.stop()
+        stop(server)
         raise Aug3dError(
             f"viser {viser.__version__} does not listen as 1.1 does, so it would let everybody in",
             "install the version of constraints.txt",
@@ -52,6 +52,12 @@ def guarded_server(own: socket.socket, gate: Gate, label: str) -> viser.ViserSer
     for asked in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(asked)
     return server
+
+
+def stop(server: viser.ViserServer) -> None:
+    """End a server, without its good-bye among what programs read."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
 
 
 @contextmanager

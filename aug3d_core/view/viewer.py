@@ -22,6 +22,7 @@ from aug3d_core.view.finished import Finished
 from aug3d_core.view.latest import Latest
 from aug3d_core.view.pictures import COLOUR, OVERLAYS, Predicted, enlarged, overlaid, photograph
 from aug3d_core.view.poses import Pose, fov_of, from_browser, to_browser
+from aug3d_core.view.server import stop
 
 if TYPE_CHECKING:
     from aug3d_core.view.predictor import Predictor
@@ -65,7 +66,7 @@ class Viewer:
     def close(self) -> None:
         """Stop predicting and serving."""
         self._latest.end()
-        self._server.stop()
+        stop(self._server)
 
     def _panel(self) -> None:
         gui, shown = self._server.gui, self._shown

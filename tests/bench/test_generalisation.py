@@ -84,9 +84,7 @@ class Whole(Stages):
 def test_every_figure_of_the_contract_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stages = Whole()
     monkeypatch.setattr(generalisation, "directly", lambda store, say: stages.maker(store))
-    monkeypatch.setattr(
-        generalisation, "scene_config", lambda preset: scene_config("tiny")
-    )  # auto looks at photographs
+    monkeypatch.setattr(generalisation, "scene_config", lambda preset: scene_config("tiny"))  # auto looks at photographs
     photos = tmp_path / "coast"
     photos.mkdir()
     for number in range(generalisation.FLIGHT_PHOTOS + 1):

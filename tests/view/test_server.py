@@ -15,7 +15,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from aug3d_core.run.errors import Aug3dError, UsageError
-from aug3d_core.view.server import guarded_server, listening
+from aug3d_core.view.server import guarded_server, listening, stop
 from flows.guard import Door, Guard
 
 SECRET = "correct horse battery"
@@ -30,7 +30,7 @@ def port() -> Iterator[int]:
         server = guarded_server(own, lambda app: Guard(app, DOOR), "toy")  # type: ignore[arg-type]
         assert _messages.ShareUrlRequest not in server._websock_server._incoming_handlers
         yield own.getsockname()[1]
-        server.stop()
+        stop(server)
 
 
 def got(port: int, path: str = "/", **headers: str) -> tuple[int, http.client.HTTPMessage, bytes]:

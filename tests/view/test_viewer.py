@@ -53,8 +53,8 @@ def page_of(home: Path, browser: Browser, own_token: bool = True) -> Iterator[Pa
         page.close()
     finally:
         process.terminate()
-        process.communicate(timeout=30)
-    assert process.returncode == 0
+        more, _ = process.communicate(timeout=30)
+    assert (process.returncode, more) == (0, "")
 
 
 def picture(page: Page) -> np.ndarray:
