@@ -49,6 +49,7 @@ from flows.study_tradeoff import study_tradeoff
 from flows.summary import print_summary, program, tell_of_damage
 from flows.up import up
 from flows.verify import verify
+from flows.view import view
 
 app = typer.Typer(
     name="aug3d",
@@ -274,6 +275,7 @@ def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
 # After a person's first commands, in the order of the help
 app.command("open")(open_report)
 app.command()(predict)
+app.command()(view)
 app.command("compare")(compare_runs)
 app.command()(up)
 app.command()(worker)

@@ -37,21 +37,27 @@ _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>aug3d: si
 <style>body{{font:16px sans-serif;max-width:34em;margin:15vh auto;padding:0 1em}}
 input,button{{font:inherit;padding:.4em}}</style>
 <h1>aug3d</h1><p>{told}</p>
-<form method="post" action="{action}"><input type="hidden" name="next" value="{next}">
+<form method="{method}" action="{action}"><input type="hidden" name="next" value="{next}">
 <input type="password" name="token" autocomplete="current-password" aria-label="Password or token" autofocus required>
 <button>Sign in</button></form>
-<p>It is the password in AUG3D_PASSWORD; without one, the token in the address that <code>aug3d up</code> printed.</p></html>
+<p>It is the password in AUG3D_PASSWORD; without one, the token in the address that <code>{printed}</code> printed.</p></html>
 """
 _PAGE_MAY = "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; frame-ancestors 'none'"
 
 
 @dataclass(frozen=True)
 class Door:
-    """What the guard asks for: the secret, and one of the names under which this server may be called."""
+    """What the guard asks for: the secret, and one of the names under which this server may be called.
+
+    healthy: the path that answers everybody, who calls it by a right name; empty for none. posts: whether the server hears
+    POST; else the sign-in page sends the secret as the printed address does. command: that printed the address.
+    """
 
     secret: str = field(repr=False)
     names: frozenset[str]
-    healthy: str  # the path that answers everybody, who calls it by a right name
+    healthy: str
+    posts: bool = True
+    command: str = "aug3d up"
 
     @property
     def cookie(self) -> tuple[str, str]:
@@ -106,7 +112,7 @@ class Guard:
         elif told is not None and method == "GET" and self._door.opened_by(told):
             answer = self._welcome(_without_token(asked))
         elif not self._known(asked):
-            answer = _unknown(asked)
+            answer = self._unknown(asked)
         elif method in _CHANGING and _has_body(asked) and not _is_json(asked):
             answer = JSONResponse({"message": "send Content-Type: application/json"}, 415)
         else:
@@ -151,7 +157,24 @@ class Guard:
         where = _on_this_server(form.get("next", ["/"])[0])
         if self._door.opened_by(form.get(TOKEN, [""])[0]):
             return self._welcome(where)
-        return _sign_in_page(where, "That is not the password.")
+        return self._sign_in_page(where, "That is not the password.")
+
+    def _unknown(self, asked: Request) -> Response:
+        """Ask a person to sign in, and tell a program that it must give the secret."""
+        if asked.method == "GET" and "text/html" in asked.headers.get("accept", ""):
+            return self._sign_in_page(_without_token(asked), "These pages are their owner's.")
+        told = {
+            "message": "this server asks for a password",
+            "exception_message": "Unauthorized",
+        }  # MLflow's word, Prefect's
+        return JSONResponse(told, 401, {"WWW-Authenticate": "Bearer"})
+
+    def _sign_in_page(self, where: str, told: str) -> Response:
+        method, action = ("post", SIGN_IN) if self._door.posts else ("get", "/")
+        page = _PAGE.format(
+            told=told, method=method, action=action, next=escape(where, quote=True), printed=self._door.command
+        )
+        return HTMLResponse(page, 401, {"Cache-Control": "no-store", "Content-Security-Policy": _PAGE_MAY})
 
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
         if self._known(HTTPConnection(scope)):
@@ -200,22 +223,6 @@ async def _refuse(status: int, why: str, scope: Scope, receive: Receive, send: S
         await send({"type": "websocket.close", "code": 1008, "reason": why})
     else:
         await JSONResponse({"message": why}, status)(scope, receive, _with_headers(send))
-
-
-def _unknown(asked: Request) -> Response:
-    """Ask a person to sign in, and tell a program that it must give the secret."""
-    if asked.method == "GET" and "text/html" in asked.headers.get("accept", ""):
-        return _sign_in_page(_without_token(asked), "These pages are their owner's.")
-    told = {
-        "message": "this server asks for a password",
-        "exception_message": "Unauthorized",
-    }  # MLflow's word, Prefect's
-    return JSONResponse(told, 401, {"WWW-Authenticate": "Bearer"})
-
-
-def _sign_in_page(where: str, told: str) -> Response:
-    page = _PAGE.format(told=told, action=SIGN_IN, next=escape(where, quote=True))
-    return HTMLResponse(page, 401, {"Cache-Control": "no-store", "Content-Security-Policy": _PAGE_MAY})
 
 
 def _without_token(asked: Request) -> str:

@@ -96,7 +96,7 @@ def predict(
                 sources["given"] = _outside(poses)
             photos = poses or store.files_dir(object_of(store, version, "photos"), [PHOTO_TABLE])
             config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
-            config = config.model_copy(update={"input_views": _judged_with(store, version)})
+            config = config.model_copy(update={"input_views": judged_with(store, version)})
             with Console(stderr=True).status("predicting ..."):
                 record = build(store, work_of(PREDICTION, config, sources), lambda done, total, what: None).record
             files = _handed_over(store.files_dir(record), out)
@@ -148,7 +148,7 @@ def _config(
     return PredictionConfig(inputs=ids, like=shown, at=at, look_at=look_at)
 
 
-def _judged_with(store: Store, version: Mapping[str, Any]) -> int:
+def judged_with(store: Store, version: Mapping[str, Any]) -> int:
     """Return from how many photographs the scene's model predicted its test; untested, how many it was trained with."""
     records = records_of(store, version)
     return int((records.get("evaluation") or records["training"]).config["input_views"])

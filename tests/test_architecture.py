@@ -25,11 +25,13 @@ DOORS = {
         "aug3d_core/novel",
         "aug3d_core/poses/torch_files.py",
         "aug3d_core/export/chunks.py",
+        "aug3d_core/view/predictor.py",
         "aug3d_core/domes/methods/sam_worker.py",
     },
     "rasterio": {"aug3d_core/export/maps.py", "aug3d_core/export/utm.py"},
     "laspy": {"aug3d_core/export/points.py"},
     "trimesh": {"aug3d_core/export/glb.py"},
+    "viser": {"aug3d_core/view"},
     "obstore": {"aug3d_core/store/bucket.py"},
     "transformers": {"aug3d_core/domes/methods/sam_worker.py"},
     "prefect": {"tasks", "flows"},
@@ -43,7 +45,8 @@ ORDER = (
     "run", "geometry",
     "photos", "poses", "sfm", "split", "groups", "depth", "surface", "overlap", "domes", "rendering", "dataset",
     "heads", "training", "judging", "novel", "town",
-    "store", "factory", "metrics", "report", "look", "export", "video", "advice", "scene_files", "collections", "studies", "bench",
+    "store", "factory", "metrics", "report", "look", "export", "view", "video", "advice", "scene_files", "collections", "studies",
+    "bench",
 )  # fmt: skip
 STAGES = ORDER[ORDER.index("photos") : ORDER.index("store")]
 # Besides `files.py`, which every later stage may read, stage packages import of one another only what is listed here.
@@ -199,7 +202,7 @@ def test_no_module_imports_two_native_engines() -> None:
 
 
 def test_nothing_heavy_is_loaded_to_describe_and_start_the_stages() -> None:
-    heavy = {"prefect", "mlflow", "pycolmap", "open3d", "bpy", "torch", "cv2", "zarr", "scipy", "matplotlib"}
+    heavy = {"prefect", "mlflow", "pycolmap", "open3d", "bpy", "torch", "cv2", "zarr", "scipy", "matplotlib", "viser"}
     light = "aug3d_core.factory.stages, aug3d_core.factory.config, aug3d_core.factory.build, flows.cli"
     code = f"import sys, {light}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -52,12 +52,18 @@ def export_glb(sfm: Path, surface: Path, folder: Path) -> GlbWritten:
     check_empty(folder)
     (world, origin), mesh = world_of(sfm), mesh_of(surface)
     middle = np.round((mesh.xyz.max(axis=0) + mesh.xyz.min(axis=0)).astype(float) / 2)
-    made = _with_texture(mesh, middle) if isinstance(mesh, TexturedMesh) else _with_colours(mesh, middle)
+    model = glb_of(mesh, middle)
     folder.mkdir(parents=True, exist_ok=True)
-    made.export(folder / MODEL, file_type="glb")
+    (folder / MODEL).write_bytes(model)
     (folder / OFFSET).write_text(json.dumps(_offset(world["unit"], origin, middle), indent=1))
     size = mesh.texture.shape[1::-1] if isinstance(mesh, TexturedMesh) else (0, 0)
     return GlbWritten(len(mesh.triangles), (int(size[0]), int(size[1])), (folder / MODEL).stat().st_size / 2**20)
+
+
+def glb_of(mesh: TexturedMesh | Mesh, middle_in_world: Float[np.ndarray, " 3"]) -> bytes:
+    """Return a mesh as the bytes of a GLB file, y up, about a point."""
+    with_skin = _with_texture if isinstance(mesh, TexturedMesh) else _with_colours
+    return bytes(with_skin(mesh, middle_in_world).export(file_type="glb"))  # type: ignore[arg-type]
 
 
 def _with_texture(mesh: TexturedMesh, middle: Float[np.ndarray, " 3"]) -> trimesh.Trimesh:

@@ -78,6 +78,10 @@ class Head(nn.Module, ABC):
     def predict(self, scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> View:
         """Predict view `target` from the views `inputs`, the same every time; the target's pixels are not used."""
 
+    def predict_bare(self, scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> View:
+        """Predict the same view without its `parts`, which only a test compares: whoever looks on waits for it."""
+        return self.predict(scene, target, inputs)
+
 
 def build(config: HeadConfig) -> Head:
     """Return an untrained head of these settings; its weights come from torch's generator."""

@@ -175,6 +175,15 @@ def test_a_scaffold_is_what_depth_is_looked_for_about(scene):
     assert np.array_equal(model.predict(alone, int(members[0]), members[1:4]).colour, view.parts["inputs_alone"])
 
 
+def test_the_bare_prediction_is_the_same_without_its_parts(scene):
+    model, members = head().eval(), scene.groups["test"][0]
+    for one in (scene, replace(scene, scaffold=np.zeros_like(scene.scaffold))):
+        view = model.predict(one, int(members[0]), members[1:4])
+        bare = model.predict_bare(one, int(members[0]), members[1:4])
+        assert np.array_equal(bare.colour, view.colour) and np.array_equal(bare.depth, view.depth)
+        assert bare.started_from == view.started_from and not bare.parts
+
+
 def test_what_no_input_sees_is_marked_and_the_mesh_shows_it(scene):
     members, model = scene.groups["test"][0], head().eval()
     poses = scene.world_from_cam.copy()

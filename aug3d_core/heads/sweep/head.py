@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import torch
@@ -69,18 +69,26 @@ class SweepHead(Head):
     @torch.inference_mode()
     def predict(self, scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> View:
         """Predict a whole view from the target's scaffold, if it has one, and from the inputs alone."""
+        view = self.predict_bare(scene, target, inputs)
+        if view.started_from != "scaffold":
+            return view
+        alone = self._see(scene, target, inputs, (0, 0, scene.width_px, scene.height_px), None)
+        return replace(view, parts={"inputs_alone": _picture(alone)})
+
+    @torch.inference_mode()
+    def predict_bare(self, scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> View:
+        """Predict a whole view from the target's scaffold, or from the inputs alone where it has none."""
         window = (0, 0, scene.width_px, scene.height_px)
         start = self._scaffold(scene, target, window)
-        alone = self._see(scene, target, inputs, window, None)
-        if start is None:
-            return _view(alone, _picture(alone), "inputs")
         seen = self._see(scene, target, inputs, window, start)
         colour = _picture(seen)
+        if start is None:
+            return _view(seen, colour, "inputs")
         row = np.flatnonzero(scene.baseline_view == target)
         if len(row):  # the mesh's colour where no input sees
             bare = ~seen.seen.cpu().numpy() & (scene.baseline_alpha[row[0]] >= 128)
             colour[bare] = scene.baseline_images[row[0]][bare]
-        return _view(seen, colour, "scaffold", {"inputs_alone": _picture(alone)})
+        return _view(seen, colour, "scaffold")
 
     def _loss_of(
         self, scene: Scene, group: Group, noise: torch.Generator | None
@@ -251,14 +259,9 @@ def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:
     return to_8_bit(seen.colour.movedim(0, -1).cpu().numpy())
 
 
-def _view(
-    seen: Seen,
-    colour: UInt8[np.ndarray, "h w 3"],
-    started_from: str,
-    parts: Mapping[str, UInt8[np.ndarray, "h w 3"]] = MappingProxyType({}),
-) -> View:
+def _view(seen: Seen, colour: UInt8[np.ndarray, "h w 3"], started_from: str) -> View:
     depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
-    return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from, parts)
+    return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from)
 
 
 def _plane_error(found: Found, truth: Float[Tensor, "h w"], known: Float[Tensor, "h w"]) -> Float[Tensor, ""]:
