@@ -45,8 +45,8 @@ ORDER = (
     "run", "geometry",
     "photos", "poses", "sfm", "split", "groups", "depth", "surface", "overlap", "domes", "rendering", "dataset",
     "heads", "training", "judging", "novel", "town",
-    "store", "factory", "metrics", "report", "look", "export", "view", "video", "advice", "scene_files", "collections", "studies",
-    "bench",
+    "store", "factory", "metrics", "report", "look", "export", "view", "video", "advice", "scene_files", "collections",
+    "studies", "bench",
 )  # fmt: skip
 STAGES = ORDER[ORDER.index("photos") : ORDER.index("store")]
 # Besides `files.py`, which every later stage may read, stage packages import of one another only what is listed here.

@@ -21,7 +21,7 @@ from aug3d_core.geometry.views import Views
 
 POOR = 0.5  # of a place missing: no photograph that counts, or hardly one
 _SPREAD = 400  # directions of the whole sphere: neighbours are some 11 degrees apart
-_NARROW = 20.0  # times 1 - cosine: a photograph from 18 degrees beside a direction counts 1/e, as inputs of predictions do
+_NARROW = 20.0  # times 1 - cosine: from 18 degrees beside a direction one counts 1/e, as an input of predictions does
 _USUAL = 0.5  # of how often the flight looks from its most usual direction: from rarer ones nothing is wanted
 _STEEPEST, _SQUARE = 0.15, 0.5  # cosines to the normal: seen at all; seen as well as from above
 _FINE = 1.4  # flight heights: farther away a place is seen less finely than the flight shows it
