@@ -11,7 +11,7 @@ import csv
 import io
 import json
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from xml.etree import ElementTree
 
@@ -238,7 +238,7 @@ def _add(parent: ElementTree.Element, name: str, text: str | None = None, space:
     return child
 
 
-def _add_all(parent: ElementTree.Element, values: dict[str, str | int]) -> None:
+def _add_all(parent: ElementTree.Element, values: Mapping[str, str | int]) -> None:
     for name, value in values.items():
         _add(parent, name, str(value))
 

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from aug3d_core.advice.choice import pose
-from aug3d_core.advice.mission import waypoints
+from aug3d_core.advice.mission import Waypoint, waypoints
 from aug3d_core.advice.plan import Plan, plan_of
 from aug3d_core.bench.figure import Figure, at_least, in_own_process
 from aug3d_core.dataset.images import fit
@@ -154,9 +154,7 @@ def _ways(plan: Plan, flown: Flown, rng: np.random.Generator) -> Mapping[str, Fl
     """Return the true poses of each way. Advice is flown by its coordinates on earth, the others over the same area."""
     assert plan.origin is not None
     points = waypoints(plan.choice.advised, plan.origin, plan.lowest_ground)
-    on_earth = np.array([[one.lat_deg, one.lon_deg, one.alt_m] for one in points])
-    there = enu_from_geodetic(on_earth, np.array(ORIGIN_GEODETIC))
-    advice = [pose(xyz, one.yaw_deg, one.pitch_deg) for xyz, one in zip(there, points, strict=True)]
+    advice = [pose(xyz, one.yaw_deg, one.pitch_deg) for xyz, one in zip(_flown_at(points), points, strict=True)]
     wanted, pitch = plan.site.area.middle(plan.site.area.wanted), flown.config.tilt_deg - 90
     pitch = -90.0 if flown.config.path == "nadir" else pitch
     low, high = wanted.min(axis=0), wanted.max(axis=0)
@@ -172,6 +170,19 @@ def _ways(plan: Plan, flown: Flown, rng: np.random.Generator) -> Mapping[str, Fl
     for arm, places in (("lines", lines), ("random", drawn)):
         ways[arm] = np.stack([pose(plan.site.flown(xy), yaw, pitch) for xy, yaw in places])
     return ways
+
+
+def _flown_at(points: Sequence[Waypoint]) -> Float[np.ndarray, "n 3"]:
+    """Return where waypoints are in the town's true frame [m]."""
+    on_earth = np.array([[one.lat_deg, one.lon_deg, one.alt_m] for one in points])
+    return enu_from_geodetic(on_earth, np.array(ORIGIN_GEODETIC))
+
+
+def _clearance(plan: Plan, flown: Flown) -> float:
+    """Return how far the lowest waypoint lies above the highest thing of the whole town [m]."""
+    assert plan.origin is not None
+    points = waypoints(plan.choice.advised, plan.origin, plan.lowest_ground)
+    return float(_flown_at(points)[:, 2].min() - flown.mesh.xyz[:, 2].max())
 
 
 def fly(config: TownConfig, cam_from_world: Float[np.ndarray, "n 3 4"], folder: Path, say: Say) -> list[Path]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import av
 import numpy as np
+from av.error import FFmpegError
 from av.video.frame import VideoFrame
 from jaxtyping import UInt8
 
@@ -115,7 +116,7 @@ def _looks(film: Path) -> Iterator[_Look]:
                 if second + 1e-6 >= due:
                     due = max(due + 1 / LOOKS_PER_S, second)
                     yield _look(number, second, frame)
-        except av.FFmpegError as error:
+        except FFmpegError as error:
             raise InputError(f"{film} is damaged ({error})", _TO_DO) from error
     if not any_frame:
         raise InputError(f"{film} has no picture that can be decoded: it may have no key frame", _TO_DO)
@@ -135,7 +136,7 @@ def _opened(film: Path) -> Any:
     """Open a file with a picture; raises InputError."""
     try:
         container = av.open(str(film))
-    except (OSError, av.FFmpegError) as error:
+    except (OSError, FFmpegError) as error:
         raise InputError(f"{film} is no film that can be read ({error})", _TO_DO) from error
     if (
         not container.streams.video

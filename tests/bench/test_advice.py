@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from aug3d_core.advice.plan import plan_of
-from aug3d_core.bench.advice import MORE, Flown, _ways, laid_over_truth
+from aug3d_core.bench.advice import MORE, Flown, _clearance, _ways, laid_over_truth
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.town.config import TownConfig
@@ -32,6 +32,10 @@ def test_every_way_takes_as_many_photographs_over_the_same_area_above_the_same_f
         assert (at[:, 2] >= plan.site.floor - 1e-3).all(), name
         spots = at[:, :2] - looks[:, :2] / looks[:, 2:] * at[:, 2:]
         assert np.abs(spots).max() < 100, name
+    # The town's own origin is at the height of the scene's
+    assert _clearance(plan, flown()) == pytest.approx(
+        centres(ways["advice"])[:, 2].min() - mesh().xyz[:, 2].max(), abs=0.01
+    )
     assert len(np.unique(np.round(centres(ways["lines"]), 3), axis=0)) == MORE
 
 
