@@ -103,7 +103,8 @@ def _pictures(nvs: Mapping[str, Any] | None) -> str:
 def _where(run: ReportedRun) -> Iterator[str]:
     """Yield what is not good enough where, as HTML."""
     if run.seen_by is not None and (thin := thin_words(run.seen_by, run.unit == "m")):
-        yield thin + " " + tag("a", "See the map.", href="#overlap")
+        told = tag("code", f"aug3d advise {escape(run.metrics['scene'])} DIR")
+        yield f"{thin} {tag('a', 'See the map.', href='#overlap')} {told} says which photographs to take next."
     placed, photos = run.metric("sfm", "registered"), run.metric("sfm", "photos")
     if isinstance(placed, int) and isinstance(photos, int) and placed < photos:
         yield f"{photos - placed} of {photos} photographs have no pose. " + tag("a", "See which.", href="#cameras")
