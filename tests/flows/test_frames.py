@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.video.choice import seconds_of
 from flows.cli import app
 from tests.video.films import flight, write_film, write_srt
 
@@ -27,7 +28,8 @@ def test_photographs_are_written_and_what_to_do_next_is_said(film: Path) -> None
     assert done.exit_code == 0, done.output
     count = len(list(Path("photos").iterdir()))
     assert (
-        f"coast.mp4: {count} photographs of 4 s, without places" in done.stdout and "aug3d look photos" in done.stdout
+        f"coast.mp4: {count} photographs of {seconds_of(film):.0f} s, without places" in done.stdout
+        and "aug3d look photos" in done.stdout
     )
 
 

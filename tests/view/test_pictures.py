@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from aug3d_core.judging.panels import depth_colours
 from aug3d_core.view.pictures import COLOUR, DEPTH, OVERLAYS, UNSEEN, Predicted, enlarged, overlaid, photograph
 
 COLOURS = np.random.default_rng(0).integers(0, 255, (7, 11, 3), dtype=np.uint8)
@@ -19,8 +20,13 @@ def test_what_no_input_sees_is_marked_alone() -> None:
     assert changed.any() and not changed[SEEN].any()
 
 
-def test_depth_changes_everything() -> None:
-    assert (overlaid(VIEW, DEPTH) != COLOURS).any(axis=2).mean() > 0.9
+def test_depth_changes_everything_to_its_colours_and_leaves_the_view_to_be_seen() -> None:
+    over = overlaid(VIEW, DEPTH).astype(float)
+    assert (over != COLOURS).any(axis=2).mean() > 0.9
+    off_depth, off_view = (
+        np.abs(over - one).mean() for one in (depth_colours(np.linspace(5, 9, 77).reshape(7, 11)), COLOURS)
+    )
+    assert 0 < off_depth < off_view
 
 
 def test_a_head_that_tells_neither_has_its_colours() -> None:
