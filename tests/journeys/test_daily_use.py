@@ -120,7 +120,9 @@ def test_a_field_is_changed_in_the_form_and_the_run_outlives_its_worker(
     assert run["run_count"] == 2, "the next worker went on with it"
     page.goto(f"{pages['prefect']}/runs/flow-run/{run['id']}")
     expect(page.get_by_text("Tried").first).to_be_visible()
-    expect(page.get_by_text("evaluation", exact=True).first).to_be_visible()
+    expect(page.get_by_text("evaluation", exact=True).first).to_be_visible(
+        timeout=30_000
+    )  # the page reads its logs late
     assert "town-what-changed" in {left["key"] for left in artifacts_of(pages, run)}
     open_artifact(page, "town-what-changed")
     expect(page.get_by_text("steps 30 -> 40")).to_be_visible()
