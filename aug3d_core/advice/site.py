@@ -1,16 +1,18 @@
 """The ground that a flight is about: places on it, and how high it can be flown over safely.
 
-The flight is about the ground that its photographs look at, with the holes and bays between: what lies within a quarter of a
-picture of where a camera points (beyond, photographs thin out on every flight), closed by a disc of CLOSED pictures.
+The flight is about the ground that its photographs enclose: the hull of where cameras point, and a quarter of a picture about
+it; beyond, photographs thin out on every flight.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt, median_filter
+from scipy.spatial import Delaunay, QhullError
 
 from aug3d_core.domes.sight import Samples, spread_over
 from aug3d_core.geometry.ground_model import fit_ground
@@ -21,7 +23,6 @@ from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.errors import InputError
 
-CLOSED = 1.5  # pictures: holes up to twice as wide belong to the flight
 _CELLS, _MOST_CELLS = 20, 400  # along the ground of a picture; along the map
 _SEED = 0
 _UPRIGHT = 0.3  # vertical part of the normal below which a surface is a wall
@@ -114,10 +115,11 @@ def _area(
     columns, rows = np.ceil((high - low) / cell).astype(int)
     looked = np.zeros((rows, columns), bool)
     looked[tuple(np.floor((looked_at - low) / cell).astype(int).T[::-1])] = True
-    shown = _grown(looked, picture / 4 / cell)
-    wanted = ~_grown(~_grown(shown, CLOSED * picture / cell), CLOSED * picture / cell)
-    area = Area(low, cell, wanted, np.zeros_like(wanted, float), wanted)
-    xy = area.middle(np.ones_like(wanted))
+    area = Area(low, cell, looked, np.zeros((rows, columns)), looked)
+    xy = area.middle(np.ones_like(looked))
+    with suppress(QhullError):  # all in a line: they enclose nothing
+        looked |= (Delaunay(looked_at).find_simplex(xy) >= 0).reshape(looked.shape)
+    wanted = _grown(looked, picture / 4 / cell)
     hits = surface.cast(np.column_stack([xy, np.full(len(xy), above)]), np.array([0.0, 0.0, -1.0]))
     hit = hits.triangle >= 0
     heights = np.where(hit, above - hits.distance, ground.height_at(xy)).reshape(wanted.shape)
