@@ -21,9 +21,7 @@ from aug3d_core.geometry.views import Views
 
 _APART = 4  # candidates along a picture
 _MOST_PLACES = 1200
-_HEADINGS_DEG = (0.0, 90.0, 180.0, 270.0)
 _BEYOND = 0.75  # pictures: so far outside the area a tilted camera may stand, to look into it
-_STEEP_DEG = 3.0  # tilt below which a heading changes nothing
 _MOST_TILT_DEG = 45.0
 
 
@@ -55,11 +53,8 @@ class Choice:
 
 
 def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]:
-    """Return where cameras may stand, and their yaw and pitch [degrees]: tilted as the flight was, and straight down."""
-    looks = forward(views.cam_from_world)
-    usual = min(float(np.median(np.degrees(np.arccos(np.clip(-looks[:, 2], -1, 1))))), _MOST_TILT_DEG)
-    tilts = [0.0] if usual < _STEEP_DEG else [0.0, usual]
-    step = site.picture / _APART
+    """Return where cameras may stand, and their yaw and pitch [degrees]: tilted and turned as the flight was."""
+    (tilt, yaws), step = usual_look(views), site.picture / _APART
     wanted = site.area.middle(site.area.wanted)
     low, high = wanted.min(axis=0), wanted.max(axis=0)
     beyond = _BEYOND * site.picture
@@ -67,13 +62,23 @@ def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Floa
     grid = np.stack(np.meshgrid(*(np.arange(a - beyond, b + beyond, step) for a, b in zip(low, high, strict=True))), -1)
     grid = grid.reshape(-1, 2)
     stand, turn = [], []
-    for tilt in tilts:
-        for yaw in _HEADINGS_DEG if tilt else _HEADINGS_DEG[:2]:  # a picture upside down shows the same
-            ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
-            aims = site.area.has(grid + ahead * site.height * np.tan(np.radians(tilt)))
-            stand.append(site.flown(grid[aims]))
-            turn.append(np.tile([yaw, tilt - 90.0], (int(aims.sum()), 1)))
+    for yaw in yaws:
+        ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
+        aims = site.area.has(grid + ahead * site.height * np.tan(np.radians(tilt)))
+        stand.append(site.flown(grid[aims]))
+        turn.append(np.tile([yaw, tilt - 90.0], (int(aims.sum()), 1)))
     return np.concatenate(stand), np.concatenate(turn)
+
+
+def usual_look(views: Views) -> tuple[float, tuple[float, float]]:
+    """Return the tilt from straight down, and the yaws of a camera there and back along the flight's lines [degrees].
+
+    The axis is the mean of doubled angles: lines that are flown both ways have one.
+    """
+    down = np.degrees(np.arccos(np.clip(-forward(views.cam_from_world)[:, 2], -1, 1)))
+    east, north = -views.cam_from_world[:, 1, :2].T  # of the upper edge
+    axis = float(np.degrees(np.angle(np.exp(2j * np.arctan2(east, north)).mean())) / 2) % 180
+    return min(float(np.median(down)), _MOST_TILT_DEG), (axis, axis + 180)
 
 
 def pose(xyz: Float[np.ndarray, " 3"], yaw_deg: float, pitch_deg: float) -> Float[np.ndarray, "3 4"]:

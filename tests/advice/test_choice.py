@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aug3d_core.advice.choice import Choice, candidates, chosen, pose
+from aug3d_core.advice.choice import Choice, candidates, chosen, pose, usual_look
 from aug3d_core.advice.need import POOR, look_of, need_of
 from aug3d_core.advice.site import Site
 from aug3d_core.geometry.transforms import centres, forward
+from aug3d_core.geometry.views import Views
 from tests.advice.flown_site import HIGH_M, ROOF_M, site, views
 
 
@@ -101,3 +102,13 @@ def test_no_candidate_stands_below_the_margin_or_looks_past_the_site() -> None:
     stand, turn = candidates(place, views())
     assert (stand[:, 2] >= 95 - 1e-6).all() and (turn[:, 1] == -90).all()
     assert site().flown(np.zeros((1, 2)))[0, 2] == pytest.approx(HIGH_M, abs=0.2) and ROOF_M + 15 < HIGH_M
+
+
+@pytest.mark.parametrize("yaw, tilt", [(0.0, 0.0), (20.0, 12.0), (179.0, 30.0)])
+def test_lines_that_are_flown_both_ways_have_one_axis(yaw: float, tilt: float) -> None:
+    rng = np.random.default_rng(0)
+    turned = [yaw + 180 * (i % 2) + rng.normal(0, 2) for i in range(40)]
+    poses = np.stack([pose(np.zeros(3), one, tilt - 90) for one in turned])
+    found, (there, back) = usual_look(Views(np.arange(40), poses, np.ones((40, 4)), np.ones((40, 2), int)))
+    assert found == pytest.approx(tilt, abs=0.1) and back == there + 180
+    assert (there - yaw + 90) % 180 - 90 == pytest.approx(0.0, abs=1.5)
