@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 
 from aug3d_core.poses.recognise import CLOUD, GLB, MAP
+from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 
@@ -40,10 +41,7 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
     """Write the map of a scene, and tell it."""
     from aug3d_core.export import maps  # with rasterio and open3d, which other commands do without
 
-    sfm, surface, photos = (
-        store.files_dir(record, maps.read_of(record))
-        for record in (object_of(store, version, step) for step in ("sfm", "surface", "photos"))
-    )
+    sfm, surface, photos = _folders(store, version, maps.read_of, "sfm", "surface", "photos")
     console = Console(stderr=True)
     with console.status("drawing the map ...") as status:
         written = maps.export_map(
@@ -69,10 +67,7 @@ def export_model(store: Store, version: Mapping[str, Any], folder: Path, as_json
     """Write the mesh of a scene, and tell it."""
     from aug3d_core.export import glb  # with trimesh, which other commands do without
 
-    sfm, surface = (
-        store.files_dir(record, glb.read_of(record))
-        for record in (object_of(store, version, step) for step in ("sfm", "surface"))
-    )
+    sfm, surface = _folders(store, version, glb.read_of, "sfm", "surface")
     written = glb.export_glb(sfm, surface, folder)
     if as_json:
         print(json.dumps({"folder": str(folder), "format": GLB, **asdict(written)}))
@@ -84,13 +79,18 @@ def export_points(store: Store, version: Mapping[str, Any], folder: Path, as_jso
     """Write the point cloud of a scene, and tell it."""
     from aug3d_core.export import points  # with laspy and rasterio, which other commands do without
 
-    sfm, depth = (
-        store.files_dir(record, points.read_of(record))
-        for record in (object_of(store, version, step) for step in ("sfm", "depth"))
-    )
+    sfm, depth = _folders(store, version, points.read_of, "sfm", "depth")
     written = points.export_points(sfm, depth, folder)
     if as_json:
         print(json.dumps({"folder": str(folder), "format": CLOUD, **asdict(written)}))
         return
     where = written.crs or f"the scene's own world, in {written.unit}s: no GPS"
     print(f"{written.points:,} points: {points.LAZ} ({where}) and {points.PLY} (the scene's world) are in {folder}")
+
+
+def _folders(
+    store: Store, version: Mapping[str, Any], read_of: Callable[[Record], list[str]], *steps: str
+) -> Iterator[Path]:
+    """Return where the files of steps lie; only those that are read are brought here."""
+    records = (object_of(store, version, step) for step in steps)
+    return (store.files_dir(record, read_of(record)) for record in records)

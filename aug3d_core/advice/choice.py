@@ -54,11 +54,11 @@ class Choice:
 
 def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]:
     """Return where cameras may stand, and their yaw and pitch [degrees]: tilted and turned as the flight was."""
-    (tilt, yaws), step = usual_look(views), site.picture / _APART
+    tilt, yaws = usual_look(views)
     wanted = site.area.middle(site.area.wanted)
     low, high = wanted.min(axis=0), wanted.max(axis=0)
     beyond = _BEYOND * site.picture
-    step = max(step, float(np.sqrt(np.prod(high - low + 2 * beyond) / _MOST_PLACES)))
+    step = max(site.picture / _APART, float(np.sqrt(np.prod(high - low + 2 * beyond) / _MOST_PLACES)))
     grid = np.stack(np.meshgrid(*(np.arange(a - beyond, b + beyond, step) for a, b in zip(low, high, strict=True))), -1)
     grid = grid.reshape(-1, 2)
     stand, turn = [], []

@@ -17,7 +17,7 @@ from aug3d_core.advice.site import Site
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.report.html import number, page, table, tag
-from aug3d_core.report.sections.map_layers import lines, scale_bar
+from aug3d_core.report.sections.map_layers import cells, lines, scale_bar
 from aug3d_core.report.svg import raster, svg, text
 from aug3d_core.report.top_view import Frame
 
@@ -29,8 +29,6 @@ _STYLE = """<style>
 .map path.flown{stroke:#fff;stroke-width:2.5;opacity:.9;fill:none}.map .at{fill:#fff;opacity:.75}
 .map rect.back{fill:#3b4247}.map .new{fill:#1f6feb;stroke:#fff;stroke-width:2}
 .map .way{stroke:#1f6feb;stroke-width:5;fill:none}.map text.rank{fill:#fff;font-size:15px;font-weight:700}
-.scale{stroke:var(--ink);stroke-width:2.5;fill:none}svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
-.legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.9rem;margin-top:10px}
 .legend i{display:inline-block;width:12px;height:12px;margin-right:6px;border:1px solid #0005;vertical-align:-1px}
 </style>"""
 
@@ -135,9 +133,7 @@ def _missing(site: Site, frame: Frame, missing: Float[np.ndarray, " s"]) -> str:
     rgba = np.zeros((rows, columns, 4), np.uint8)
     rgba[..., :3] = _WORST + share[..., None] * (_BEST - _WORST)
     rgba[..., 3] = np.where(area.wanted, _ALPHA, 0)
-    picture = raster((columns, rows), Image.fromarray(rgba[::-1]), "PNG")
-    (left, bottom), scale = frame.place(area.low), area.cell * frame.px
-    return f'<g transform="translate({left:.1f} {bottom - rows * scale:.1f}) scale({scale:.5f})">{picture}</g>'
+    return cells(frame, area.low, area.cell, rgba)
 
 
 def _mark(frame: Frame, one: Advised) -> str:

@@ -7,15 +7,14 @@ from html import escape
 
 import numpy as np
 from jaxtyping import Bool
-from PIL import Image
 
 from aug3d_core.factory.estimate.cost import Cost
 from aug3d_core.look.findings import Finding, blurred, exposed_unlike, verdict_of
 from aug3d_core.look.ground import Ground
 from aug3d_core.look.survey import Survey
 from aug3d_core.report.html import data_uri, number, page, table, tag
-from aug3d_core.report.sections.map_layers import lines, scale_bar
-from aug3d_core.report.svg import curve, raster, svg
+from aug3d_core.report.sections.map_layers import cells, lines, scale_bar
+from aug3d_core.report.svg import curve, svg
 from aug3d_core.report.top_view import Frame
 
 _MAP_PX, _LEAST_RADIUS_PX = 1100, 5.0
@@ -38,8 +37,6 @@ _STYLE = """<style>
 .map .at{fill:#fff;stroke:#222;stroke-width:1.5}.map .at.soft{fill:#f2b134}.map .at.unlike{fill:#58a6ff}
 .map a:hover .at{stroke-width:4}
 .map rect.back{fill:#3b4247}
-.scale{stroke:var(--ink);stroke-width:2.5;fill:none}svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
-.legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.9rem;margin-top:10px}
 .legend i{display:inline-block;width:12px;height:12px;margin-right:6px;border:1px solid #0005;vertical-align:-1px}
 .photos{display:grid;grid-template-columns:repeat(auto-fill,minmax(150px,1fr));gap:12px}
 .photos figure{scroll-margin-top:20px}.photos figure:target{outline:4px solid var(--main);outline-offset:3px}
@@ -141,10 +138,7 @@ def _seen(ground: Ground, frame: Frame) -> str:
     for least, colour in _SEEN:
         rgba[ground.seen >= least, :3] = colour
     rgba[..., 3] = np.where(ground.inside, _ALPHA_INSIDE, np.where(ground.seen > 0, _ALPHA_OUTSIDE, 0))
-    rows, columns = ground.seen.shape
-    picture = raster((columns, rows), Image.fromarray(rgba[::-1]), "PNG")
-    (left, bottom), scale = frame.place(ground.low_m - ground.cell_m / 2), ground.cell_m * frame.px
-    return f'<g transform="translate({left:.1f} {bottom - rows * scale:.1f}) scale({scale:.5f})">{picture}</g>'
+    return cells(frame, ground.low_m - ground.cell_m / 2, ground.cell_m, rgba)
 
 
 def _legend() -> str:

@@ -10,13 +10,12 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import av
-import numpy as np
-from jaxtyping import Float
-from PIL import ExifTags, Image, TiffImagePlugin
+from PIL import ExifTags, Image
 
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.run.atomic_file import replacing
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.place_in_exif import set_place
 from aug3d_core.video.choice import Frame, kept_frames, seconds_of
 from aug3d_core.video.subtitles import NOWHERE, Track, beside, read_track
 
@@ -83,24 +82,8 @@ def _write(path: Path, frame: Frame, start: datetime | None, track: Track) -> No
         time = (start + timedelta(seconds=frame.second)).strftime("%Y:%m:%d %H:%M:%S")
         exif[ExifTags.Base.DateTime] = time
         exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] = time
-    _set_place(exif, track.at(frame.second))
+    lat_deg, lon_deg, alt_m = track.at(frame.second)
+    if math.isfinite(lat_deg + lon_deg):
+        set_place(exif, float(lat_deg), float(lon_deg), float(alt_m))
     with replacing(path, path.with_suffix(".part")) as file:
         Image.fromarray(frame.rgb).save(file, format="JPEG", quality=_QUALITY, subsampling=0, exif=exif)
-
-
-def _set_place(exif: Image.Exif, place: Float[np.ndarray, " 3"]) -> None:
-    lat_deg, lon_deg, alt_m = map(float, place)
-    if not math.isfinite(lat_deg + lon_deg):
-        return
-    tags, gps = ExifTags.GPS, exif.get_ifd(ExifTags.IFD.GPSInfo)
-    gps[tags.GPSLatitudeRef], gps[tags.GPSLatitude] = "N" if lat_deg >= 0 else "S", _sexagesimal(lat_deg)
-    gps[tags.GPSLongitudeRef], gps[tags.GPSLongitude] = "E" if lon_deg >= 0 else "W", _sexagesimal(lon_deg)
-    if math.isfinite(alt_m):
-        gps[tags.GPSAltitudeRef] = b"\0" if alt_m >= 0 else b"\1"
-        gps[tags.GPSAltitude] = TiffImagePlugin.IFDRational(round(abs(alt_m) * 1000), 1000)
-
-
-def _sexagesimal(degrees: float) -> tuple[TiffImagePlugin.IFDRational, ...]:
-    whole, minutes = divmod(abs(degrees) * 60, 60)
-    minutes, seconds = divmod(minutes * 60, 60)
-    return tuple(TiffImagePlugin.IFDRational(round(value * 10**5), 10**5) for value in (whole, minutes, seconds))

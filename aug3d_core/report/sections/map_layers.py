@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.domes.files import CAMERAS, DOME_TABLE
@@ -26,6 +26,14 @@ def ground(run: ReportedRun, frame: Frame) -> str:
     # About as many pixels as points, so that few are empty
     fine = frame.scaled(int(np.clip(np.sqrt(len(xyz)), *_GROUND_PX)))
     return raster(frame.size, Image.fromarray(from_above(xyz, rgb, fine)[0]), "WEBP", quality=72)
+
+
+def cells(frame: Frame, low: Float[np.ndarray, " 2"], cell: float, rgba: UInt8[np.ndarray, "y x 4"]) -> str:
+    """Draw square cells, [north, east] from the south-west corner `low`, whose side is `cell` in the world."""
+    rows, columns = rgba.shape[:2]
+    picture = raster((columns, rows), Image.fromarray(rgba[::-1]), "PNG")
+    (left, bottom), scale = frame.place(low), cell * frame.px
+    return f'<g transform="translate({left:.1f} {bottom - rows * scale:.1f}) scale({scale:.5f})">{picture}</g>'
 
 
 def lines(frame: Frame, start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"], kind: str) -> str:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import ExifTags, Image, TiffImagePlugin
+from PIL import ExifTags, Image
 
 from aug3d_core.run.atomic_file import replacing
+from aug3d_core.run.place_in_exif import rational, set_place
 
 _QUALITY = 92
 _SENSOR_DIAGONAL_MM = 7.7
@@ -39,30 +40,15 @@ def save_photo(
 
 
 def _exif(stamp: Stamp) -> Image.Exif:
-    base, gps = ExifTags.Base, ExifTags.GPS
+    base = ExifTags.Base
     time = stamp.time.strftime("%Y:%m:%d %H:%M:%S")
     exif = Image.Exif()
     exif[base.Make], exif[base.Model], exif[base.Orientation], exif[base.DateTime] = "aug3d", "Testbed", 1, time
     details = exif.get_ifd(ExifTags.IFD.Exif)
     details[base.DateTimeOriginal] = time
     if stamp.focal_35mm is not None:
-        details[base.FocalLength] = _rational(stamp.focal_35mm / 43.27 * _SENSOR_DIAGONAL_MM, 10**4)
+        details[base.FocalLength] = rational(stamp.focal_35mm / 43.27 * _SENSOR_DIAGONAL_MM, 10**4)
         details[base.FocalLengthIn35mmFilm] = stamp.focal_35mm
     if stamp.place is not None:
-        lat_deg, lon_deg, alt_m = stamp.place
-        place = exif.get_ifd(ExifTags.IFD.GPSInfo)
-        place[gps.GPSLatitudeRef], place[gps.GPSLatitude] = "N" if lat_deg >= 0 else "S", _sexagesimal(lat_deg)
-        place[gps.GPSLongitudeRef], place[gps.GPSLongitude] = "E" if lon_deg >= 0 else "W", _sexagesimal(lon_deg)
-        place[gps.GPSAltitudeRef] = b"\0" if alt_m >= 0 else b"\1"
-        place[gps.GPSAltitude] = _rational(abs(alt_m), 10**3)
+        set_place(exif, *stamp.place)
     return exif
-
-
-def _sexagesimal(degrees: float) -> tuple[TiffImagePlugin.IFDRational, ...]:
-    whole, minutes = divmod(abs(degrees) * 60, 60)
-    minutes, seconds = divmod(minutes * 60, 60)
-    return (_rational(whole, 1), _rational(minutes, 1), _rational(seconds, 10**5))
-
-
-def _rational(value: float, denominator: int) -> TiffImagePlugin.IFDRational:
-    return TiffImagePlugin.IFDRational(round(value * denominator), denominator)
