@@ -70,6 +70,9 @@ h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}}
 @media print{@page{margin:12mm}html{font-size:11px}body{background:#fff;font-size:11px}main{max-width:none;padding:0}
 h2{margin-top:24px}.card{padding:10px 12px}th,td{padding:3px 6px}.txt{white-space:normal}.scroll{overflow:visible}
 figure,tr,li{break-inside:avoid}h2,h3{break-after:avoid}thead{display:table-header-group}}
+.legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.88rem;margin:10px 0 0}
+.scale{stroke:var(--ink);stroke-width:2.5;fill:none}
+svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
 """
 
 # What only the scene report has
@@ -97,8 +100,7 @@ border-bottom:1px solid var(--line)}
 .light::before{content:"";display:inline-block;width:.75em;height:.75em;border-radius:50%;background:currentColor;margin-right:6px}
 .good{color:var(--good)}.check{color:var(--warn)}.bad{color:var(--bad)}
 .map svg{max-height:74vh;background:var(--soft);border-radius:6px}
-.layers,.legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.88rem;margin:0 0 10px}
-.legend{margin:10px 0 0}
+.layers{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.88rem;margin:0 0 10px}
 .layers label{cursor:pointer}
 .key{display:inline-block;width:12px;height:12px;border-radius:50%;margin-right:6px;vertical-align:-1px;border:1px solid #0005}
 .cam,.dome{r:var(--r)}.cam{stroke:#000;stroke-width:1.6;fill:#fff}.cam:hover{stroke:#fff;stroke-width:3}
@@ -116,8 +118,6 @@ border-bottom:1px solid var(--line)}
 .virtual{stroke:#000;stroke-width:6;stroke-linecap:round;fill:none}
 .domes .virtual{stroke:#00e5ff}
 .picking .cam{opacity:.25}.picking .cam.picked{opacity:1}.picking .cam.chosen{stroke:#fff;stroke-width:4}
-.scale{stroke:var(--ink);stroke-width:2.5;fill:none}
-svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
 .map:has(.show-ground:not(:checked)) g.ground,.map:has(.show-looks:not(:checked)) g.looks,
 .map:has(.show-domes:not(:checked)) g.domes,.map:has(.show-gps:not(:checked)) g.gps,
 .map:has(.show-cams:not(:checked)) g.cams{display:none}
