@@ -5,6 +5,7 @@ A pytest plugin. Processes are of two kinds, by the engines that they may load; 
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import sys
 from collections import Counter
@@ -20,9 +21,10 @@ from xdist.workermanage import WorkerController
 
 from tests.engine_imports import engines_of, mixed
 
-_KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
+KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
 _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
 _PROGRAMS = ("attack", "flows", "infra", "journeys", "tasks")  # folders whose tests start programs of several processes
+_GRACE_S = 120  # for what a test's fixtures do to end, after its time is up
 _LONGEST_FIRST = (
     "tests/attack/test_kills", "tests/attack/test_full_disk.py", "tests/attack/test_workers.py",
     "tests/journeys/test_demo.py", "tests/journeys/test_daily_use.py", "tests/journeys/test_workers.py", "tests/infra",
@@ -49,6 +51,22 @@ class Apart(LoadScopeScheduling):
     def add_node_collection(self, node: WorkerController, collection: list[str]) -> None:
         """Take what a process collected; one that replaces a crashed one has collected the same."""
         self.registered_collections[node] = list(collection)
+
+    def remove_node(self, node: WorkerController) -> str | None:
+        """Give what a process that ended left undone to others, but for the test that ended it, which is returned.
+
+        xdist's own runs that one again, and hands out files of which nothing is left: a process that gets such a one waits
+        for ever.
+        """
+        work = self.assigned_work.pop(node)
+        ended_by = next((test for unit in work.values() for test, done in unit.items() if not done), None)
+        if ended_by is None:
+            return None
+        work[self._split_scope(ended_by)][ended_by] = True
+        self.workqueue.update({scope: unit for scope, unit in work.items() if not all(unit.values())})
+        for other in self.nodes:
+            self._reschedule(other)
+        return ended_by
 
     def schedule(self) -> None:
         """Share out the tests of all processes, the longest first."""
@@ -92,7 +110,7 @@ class Kinds:
         """Tell a process which engines it may load; any, if it is the only one."""
         if len(node.config.option.tx) > 1:
             there = Counter(self._of.values())
-            self._of[node.gateway.id] = min(_KINDS, key=lambda kind: there[kind])
+            self._of[node.gateway.id] = min(KINDS, key=lambda kind: there[kind])
             node.workerinput["engines"] = self._of[node.gateway.id]
 
     def pytest_testnodedown(self, node: WorkerController, error: object) -> None:
@@ -147,7 +165,7 @@ class OneCore:
         self._all = os.sched_getaffinity(0)
         cores = sorted(self._all)
         number = int(config.workerinput["workerid"].removeprefix("gw"))  # type: ignore[attr-defined]
-        self._own = {cores[(number + number // len(_KINDS)) % len(cores)]}  # those of one kind are on different cores
+        self._own = {cores[(number + number // len(KINDS)) % len(cores)]}  # those of one kind are on different cores
         os.sched_setaffinity(0, self._own)  # libraries count the cores when they are imported
         threadpool_limits(1)  # NumPy was imported by a plugin, before: its two threads would spin on one core
 
@@ -155,6 +173,36 @@ class OneCore:
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         """Give programs all cores, and all else one."""
         os.sched_setaffinity(0, self._all if item.path.parent.name in _PROGRAMS else self._own)
+
+
+class Ended:
+    """Ends the process of a test whose time was up long ago, and prints where its threads are; its tests go on in another one.
+
+    pytest-timeout ends a test by an error, once: not in C code, not where the error is swallowed, and not the fixtures of a
+    test that has failed.
+    """
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._stderr = os.dup(2)  # what pytest does not capture
+        self._limit_s = float(config.getini("timeout"))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        """Begin to count."""
+        mark = item.get_closest_marker("timeout")
+        self._end_in((mark.args[0] if mark else self._limit_s) + _GRACE_S)
+        try:
+            return (yield)
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_exception_interact(self) -> None:
+        """Count on: pytest has just stopped it, for the sake of debuggers."""
+        self._end_in(_GRACE_S)
+
+    def _end_in(self, seconds: float) -> None:
+        faulthandler.dump_traceback_later(seconds, exit=True, file=self._stderr)
 
 
 def _is_test(path: Path) -> bool:
@@ -169,6 +217,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Choose files in each process that collects; the controller of several does not."""
     config.pluginmanager.register(Collecting(config), "collecting")
     config.pluginmanager.register(Kinds(), "kinds")
+    if config.pluginmanager.hasplugin("timeout"):
+        config.pluginmanager.register(Ended(config), "ended")
     if hasattr(config, "workerinput"):
         config.pluginmanager.register(OneCore(config), "one core")
 

@@ -12,13 +12,18 @@ import numpy as np
 import pytest
 
 from tests.engine_imports import ENGINES, ROOT, engines_of, mixed
-from tests.processes import Apart, Kinds
+from tests.processes import KINDS, Apart, Kinds
 from tests.tests_support import run_pytest
 
 
 def test_no_file_needs_engines_that_must_not_meet() -> None:
     found = {file.name: mixed(engines_of(file)) for file in ROOT.glob("tests/**/test_*.py")}
     assert len(found) > 100 and not {name: pairs for name, pairs in found.items() if pairs}
+
+
+def test_each_file_may_be_run_by_a_kind_of_process() -> None:
+    needs = {file.name: engines_of(file) for file in ROOT.glob("tests/**/test_*.py")}
+    assert not {name: engines for name, engines in needs.items() if not any(engines <= set(kind) for kind in KINDS)}
 
 
 def test_what_is_imported_on_the_way_counts_and_what_only_types_need_does_not(tmp_path: Path) -> None:
@@ -54,35 +59,48 @@ class Process:
         return True
 
 
+@pytest.mark.parametrize("crashes", [0, 3])
 @pytest.mark.parametrize("seed", range(20))
-def test_each_test_is_run_once_by_a_process_that_collected_it(seed: int) -> None:
+def test_each_test_is_run_once_by_a_process_that_collected_it(seed: int, crashes: int) -> None:
+    """The test that ends its process is not run again; all others are, also those of the same file."""
     rng = np.random.default_rng(seed)
     files = {f"tests/x/test_{i}.py": int(rng.integers(1, 6)) for i in range(int(rng.integers(1, 15)))}
     files |= {"tests/journeys/test_demo.py": 3, "tests/journeys/test_study.py": 2}
     tests = {file: [f"{file}::test_{i}" for i in range(count)] for file, count in files.items()}
-    kinds = {file: int(rng.integers(3)) for file in tests}  # 0 and 1: only for that process, 2: for both
+    kinds = {file: int(rng.integers(3)) for file in tests}  # 0 and 1: only for that kind of process, 2: for both
     kinds["tests/journeys/test_demo.py"] = kinds["tests/journeys/test_study.py"] = 2
-    processes = [
-        Process([test for file in tests if kinds[file] in (kind, 2) for test in tests[file]]) for kind in (0, 1)
-    ]
+    collected = [[test for file in tests if kinds[file] in (kind, 2) for test in tests[file]] for kind in (0, 1)]
+    processes = [Process(collected[kind]) for kind in (0, 1, 0, 1)]
     session = SimpleNamespace(testscollected=0)
     manager = SimpleNamespace(getplugin=lambda _: SimpleNamespace(_session=session))
-    scheduler: Any = Apart(SimpleNamespace(getvalue=lambda _: ["2*popen"], pluginmanager=manager))  # type: ignore[arg-type]
+    scheduler: Any = Apart(SimpleNamespace(getvalue=lambda _: ["4*popen"], pluginmanager=manager))  # type: ignore[arg-type]
     for process in processes:
         scheduler.add_node(process)
     for process in processes:
         scheduler.add_node_collection(process, process.collected)
     scheduler.schedule()
-    while any([process.step(scheduler) for process in processes]):
-        pass
+    crashed: list[str] = []
+    dead: list[Process] = []
+    while any([process.step(scheduler) for process in rng.permutation(np.array(processes, object))]):
+        able = [process for process in processes if process.told]
+        if len(crashed) < crashes and able and rng.random() < 0.2:
+            process = able[int(rng.integers(len(able)))]
+            assert scheduler.remove_node(process) == process.collected[process.told[0]]
+            crashed.append(process.collected[process.told[0]])
+            processes.remove(process)
+            dead.append(process)
+            processes.append(Process(process.collected))
+            scheduler.add_node(processes[-1])
+            scheduler.add_node_collection(processes[-1], process.collected)
+            scheduler.schedule()
     assert all(process.shutting_down and not process.told for process in processes)
-    done = [test for process in processes for test in process.done]
-    assert sorted(done) == sorted(test for file in tests.values() for test in file)
-    assert session.testscollected == len(done)
+    done = [test for process in (*processes, *dead) for test in process.done]
+    assert sorted(done + crashed) == sorted(test for file in tests.values() for test in file)
+    assert session.testscollected == len(done) + len(crashed)
     for process in processes:
         assert set(process.done) <= set(process.collected)
         journeys = [test for test in process.done if "journeys" in test]
-        assert len(journeys) in (0, 5), "they share a scene"
+        assert crashes or len(journeys) in (0, 5), "they share a scene"
 
 
 def test_a_process_that_replaces_a_crashed_one_is_of_its_kind() -> None:
@@ -140,3 +158,26 @@ def test_engines_that_meet_while_testing_fail_the_run(pair: tuple[str, str], cod
     done = run(tmp_path, "-n", "0", test_it=f"def test_it():\n{load}")
     assert done.returncode == code, done.stdout
     assert ("open3d and torch are in one process" in done.stdout) == (code == 1)
+
+
+# The signal of pytest-timeout is raised, and swallowed or too late for the fixture
+SWALLOWED = """
+    while True:
+        try:
+            time.sleep(60)
+        except BaseException:
+            pass
+"""
+HUNG = {
+    "test_call": f"def test_hung():{SWALLOWED}",
+    "test_end": f"@pytest.fixture\ndef ends():\n    yield{SWALLOWED}\ndef test_hung(ends): assert False\n",
+}
+
+
+@pytest.mark.parametrize("name", HUNG)
+def test_what_nothing_else_ends_is_ended_and_named(name: str, tmp_path: Path) -> None:
+    (tmp_path / "early.py").write_text("from tests import processes\nprocesses._GRACE_S = 1\n")
+    files = {name: "import pytest\nimport time\n" + HUNG[name], "test_other": "def test_it(): pass\n"}
+    done = run(tmp_path, "-p", "timeout", "-p", "early", "-n", "2", "-o", "timeout=1", **files)
+    assert done.returncode == 1 and "1 passed" in done.stdout, done.stdout
+    assert f"{name}.py::test_hung" in done.stdout and "Timeout (0:00:0" in done.stderr and f"{name}.py" in done.stderr

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageFilter
+from PIL import Image
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, in_own_process
+from aug3d_core.bench.spoiled import SPOILED, recalled, spoil
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.views import Views
@@ -24,12 +25,6 @@ from aug3d_core.town.files import TOWN_PHOTOS, TRUTH_MESH, TRUTH_POSES
 SEEDS = (7, 11, 23)
 PHOTOS, SIZE_PX, NOISE, QUALITY = 120, (5184, 3888), 5.0, 92  # 20 megapixels, about 5 MB each
 _COARSE = 8  # px of the pictures for each ray
-_BLUR_PX, _DARKER, _WILD_DEG = 3.0, 0.4, 0.02
-_SPOILED = {
-    "less sharp": (5, 33),
-    "brighter or darker": (21,),
-    "cannot be right": (12, 48),
-}  # words of a finding: photographs
 
 
 def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
@@ -45,9 +40,9 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
         survey = survey_of(town / TOWN_PHOTOS, _silent)
         alarms += len(findings_of(survey))
         off.append(_height_error(survey, town))
-        _spoil(photos, folder)
-        right, wrong = _recalled(survey_of(folder, _silent), [photo.name for photo in photos])
-        found, names, alarms = found + right, names + sum(map(len, _SPOILED.values())), alarms + wrong
+        spoil(photos, folder)
+        right, wrong = recalled(survey_of(folder, _silent), [photo.name for photo in photos])
+        found, names, alarms = found + right, names + sum(map(len, SPOILED.values())), alarms + wrong
     _enlarge(photos, folder, say)
     seconds = in_own_process(partial(_seconds, folder))
     shutil.rmtree(folder)
@@ -74,45 +69,6 @@ def _height_error(survey: Survey, town: Path) -> float:
     ]
     assert survey.ground is not None
     return float(np.median(survey.ground.height_m) / np.median(depths) - 1)
-
-
-def _spoil(photos: Sequence[Path], folder: Path) -> None:
-    """Copy photographs, of which some become blurred, dark, or come from elsewhere by their GPS."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    soft, dark, wild = _SPOILED.values()
-    for i, photo in enumerate(photos):
-        with Image.open(photo) as image:
-            exif, picture = image.getexif(), image.convert("RGB")
-        if i in soft:
-            picture = picture.filter(ImageFilter.GaussianBlur(_BLUR_PX))
-        if i in dark:
-            picture = picture.point(lambda value: value * _DARKER)
-        if i in wild:
-            position = exif.get_ifd(ExifTags.IFD.GPSInfo)
-            degrees = position[ExifTags.GPS.GPSLatitude]
-            position[ExifTags.GPS.GPSLatitude] = (degrees[0], degrees[1], float(degrees[2]) + 3600 * _WILD_DEG)
-        if i in (*soft, *dark, *wild):
-            picture.save(folder / photo.name, exif=exif, quality=95)
-        else:
-            shutil.copy(photo, folder)
-
-
-def _recalled(survey: Survey, names: Sequence[str]) -> tuple[int, int]:
-    """Return how many spoiled photographs are named for what is wrong with them, and how many others are named."""
-    named: Mapping[str, set[str]] = {words: set() for words in _SPOILED}
-    other = 0
-    for one in findings_of(survey):
-        for words in named:
-            if words in one.what:
-                named[words] |= {*one.names}
-                break
-        else:
-            other += 1
-    true = {words: {names[i] for i in which} for words, which in _SPOILED.items()}
-    return sum(len(named[words] & true[words]) for words in true), other + sum(
-        len(named[words] - true[words]) for words in true
-    )
 
 
 def _enlarge(photos: Sequence[Path], folder: Path, say: Say) -> None:
