@@ -18,7 +18,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from aug3d_core.run.fork_server import LOST, start
+from aug3d_core.run.fork_server import LOST, _read_by_server, _read_once, start
 from tests.tests_support import wait_until_dead
 
 _SAYS = """
@@ -41,6 +41,9 @@ def says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "tests_says" / "__init__.py").touch()
     (tmp_path / "tests_says" / "__main__.py").write_text(textwrap.dedent(_SAYS))
     monkeypatch.syspath_prepend(tmp_path)
+    # Some library that other tests of this process load sets such a variable: then stages are not forked
+    for name, value in (_read_once() | _read_by_server()).items():
+        monkeypatch.setenv(name, value) if name in _read_by_server() else monkeypatch.delenv(name)
 
 
 def begin(folder: Path, job: str = "{}") -> Popen:
@@ -97,7 +100,9 @@ def test_many_at_once_are_not_mixed_up(tmp_path: Path) -> None:
 def test_stages_end_with_their_server_and_the_next_stage_gets_a_new_one(tmp_path: Path) -> None:
     process = begin(tmp_path, '{"seconds": 600}')
     assert process.poll() is None
-    psutil.Process(process.pid).parent().kill()  # type: ignore[union-attr]
+    server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    assert psutil.Process(process.pid).ppid() == server  # and not this process
+    psutil.Process(server).kill()
     assert process.wait() == LOST
     wait_until_dead(process.pid)
     assert begin(tmp_path).wait() == 0
@@ -108,7 +113,7 @@ def test_the_server_ends_with_the_factory_even_if_a_stage_lives_on(tmp_path: Pat
     code = f"""
 import os, sys
 from pathlib import Path
-from aug3d_core.run.fork_server import LOST, start
+from aug3d_core.run.fork_server import LOST, _read_by_server, _read_once, start
 from tests.tests_support import wait_until_dead
 sys.path.insert(0, {str(tmp_path)!r})
 process = start("tests_says", Path({str(tmp_path / "job")!r}), Path({str(tmp_path / "log")!r}), os.environ)
