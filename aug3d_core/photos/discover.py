@@ -7,20 +7,28 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
+CONTROL_LIST = "gcp_list.txt"
+_MASK = "_mask.png"  # ends a mask's name, after that of its photograph without suffix
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a folder holds. names: photographs, relative, in natural order. ignored: how many other files."""
+    """What a folder holds; paths are relative to it.
+
+    names: photographs, in natural order. ignored: how many other files. masks: photographs that have one, and its path.
+    control: the list of ground control points, "" for none.
+    """
 
     names: tuple[str, ...]
     ignored: int
+    masks: Mapping[str, str]
+    control: str
 
 
 def natural_key(name: str) -> tuple[tuple[tuple[int, int, str], ...], str]:
@@ -30,7 +38,7 @@ def natural_key(name: str) -> tuple[tuple[tuple[int, int, str], ...], str]:
 
 
 def find_photos(folder: Path) -> Found:
-    """List the photographs in a folder and below it.
+    """List the photographs in a folder and below it, their masks, and the list of control points in the folder itself.
 
     Linked folders are not entered and hidden ones are skipped: neither loops, nor thumbnails, nor files from elsewhere
     come in by accident. Raises InputError if the folder, or one below it, is none or cannot be read.
@@ -38,16 +46,23 @@ def find_photos(folder: Path) -> Found:
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "does not exist"
         raise InputError(f"{folder} {what}", "Name the folder that holds the photographs.")
-    names, ignored = [], 0
+    names: list[str] = []
+    masks: dict[str, str] = {}
+    others = 0
     for parent, folders, files in os.walk(folder, followlinks=False, onerror=_refuse):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for file in files:
-            path = Path(parent) / file
-            if path.suffix.lower() in SUFFIXES and not file.startswith("."):
-                names.append(path.relative_to(folder).as_posix())
+            name = (Path(parent) / file).relative_to(folder).as_posix()
+            if file.startswith(".") or PurePosixPath(file).suffix.lower() not in SUFFIXES:
+                others += 1
+            elif file.lower().endswith(_MASK):
+                masks[name[: -len(_MASK)]] = name
             else:
-                ignored += 1
-    return Found(tuple(sorted(names, key=natural_key)), ignored)
+                names.append(name)
+    masked = {name: masks[stem] for name in names if (stem := name[: -len(PurePosixPath(name).suffix)]) in masks}
+    control = CONTROL_LIST if (folder / CONTROL_LIST).is_file() else ""
+    ignored = others + len(masks) - len(set(masked.values())) - bool(control)
+    return Found(tuple(sorted(names, key=natural_key)), ignored, masked, control)
 
 
 def _refuse(error: OSError) -> None:
@@ -59,8 +74,13 @@ def _refuse(error: OSError) -> None:
 
 
 def folder_digest(folder: Path) -> str:
-    """Return the SHA-256 over the names and bytes of the photographs in a folder; other files do not count."""
-    return digest_of({name: _content(folder / name) for name in find_photos(folder).names})
+    """Return the SHA-256 over the names and bytes of the photographs in a folder, of their masks, and of the control points.
+
+    Other files do not count.
+    """
+    found = find_photos(folder)
+    read = (*found.names, *found.masks.values(), *([found.control] if found.control else []))
+    return digest_of({name: _content(folder / name) for name in read})
 
 
 def digest_of(contents: Mapping[str, str]) -> str:

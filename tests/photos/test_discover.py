@@ -121,3 +121,21 @@ def test_the_digest_is_over_names_as_they_are_on_the_disk(tmp_path: Path) -> Non
         lines.append(b"%d:%b:%b\n" % (len(name), name, hashlib.sha256(name).hexdigest().encode()))
     digest = folder_digest(tmp_path)
     assert digest in {hashlib.sha256(b"".join(order)).hexdigest() for order in (lines, lines[::-1])}
+
+
+def test_masks_and_control_points_are_no_photographs_but_count(tmp_path: Path) -> None:
+    touch(tmp_path, "a.jpg", "b.JPG", "sub/a.png", "sub/gcp_list.txt")
+    alone = folder_digest(tmp_path)
+    touch(tmp_path, "b_mask.png", "sub/a_MASK.PNG", "c_mask.png", "gcp_list.txt")
+    found = find_photos(tmp_path)
+    assert found.names == ("a.jpg", "b.JPG", "sub/a.png")
+    assert found.masks == {"b.JPG": "b_mask.png", "sub/a.png": "sub/a_MASK.PNG"}
+    assert found.control == "gcp_list.txt" and found.ignored == 2, (
+        "a mask without a photograph, and a list in another folder"
+    )
+    digests = {alone, folder_digest(tmp_path)}
+    for name in ("b_mask.png", "gcp_list.txt"):
+        (tmp_path / name).write_bytes(b"another")
+        digests.add(folder_digest(tmp_path))
+    (tmp_path / "c_mask.png").write_bytes(b"another")
+    assert len(digests) == 4 and folder_digest(tmp_path) in digests
