@@ -28,7 +28,7 @@ DOORS = {
         "aug3d_core/view/predictor.py",
         "aug3d_core/domes/methods/sam_worker.py",
     },
-    "rasterio": {"aug3d_core/export/maps.py", "aug3d_core/export/utm.py"},
+    "rasterio": {"aug3d_core/export/maps.py", "aug3d_core/export/utm.py", "aug3d_core/photos/control.py"},
     "laspy": {"aug3d_core/export/points.py"},
     "trimesh": {"aug3d_core/export/glb.py"},
     "viser": {"aug3d_core/view"},

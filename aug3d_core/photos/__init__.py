@@ -4,6 +4,7 @@ discover   which files are photographs, their order by name, and the digest of t
 digest_apart  that digest, read by a process of its own
 exif       focal length, position, time and orientation as the camera wrote them
 decode     one file to one working copy, or the reason why not
+control    ground control points and where photographs show them, from a gcp_list.txt
 table      the photo table and the table of rejected files
 contact_sheet  a picture of what was taken in
 stage      the stage

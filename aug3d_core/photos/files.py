@@ -12,6 +12,7 @@ PHOTO_TABLE = "photos.parquet"
 REJECTED_TABLE = "rejected.parquet"
 PHOTO_IMAGES = "images"
 CONTACT_SHEET = "contact_sheet.jpg"
+CONTROL_TABLE = "control.parquet"  # there if the folder has ground control points
 REDUNDANT = "redundant"  # begins the reason of a photograph that could be used, and need not
 
 
@@ -25,3 +26,10 @@ def read_photos(folder: Path) -> pd.DataFrame:
     import pandas as pd  # which most commands do without
 
     return pd.read_parquet(folder / PHOTO_TABLE)
+
+
+def read_control_marks(folder: Path) -> pd.DataFrame | None:
+    """Read the marks of ground control points from the photos stage's output; None without any."""
+    import pandas as pd
+
+    return pd.read_parquet(folder / CONTROL_TABLE) if (folder / CONTROL_TABLE).is_file() else None

@@ -10,13 +10,15 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol, TypeVar, runtime_checkable
 
+import pandas as pd
+
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.contact_sheet import contact_sheet
 from aug3d_core.photos.decisions import decisions
 from aug3d_core.photos.decode import Decoded, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
 from aug3d_core.photos.exif import Exif
-from aug3d_core.photos.files import CONTACT_SHEET, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
+from aug3d_core.photos.files import CONTACT_SHEET, CONTROL_TABLE, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
 from aug3d_core.run.errors import InputError
@@ -42,7 +44,19 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     table.to_parquet(out / PHOTO_TABLE)
     rejected_table(rejected + redundant).to_parquet(out / REJECTED_TABLE)
     contact_sheet(files, out / CONTACT_SHEET)
-    return _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])), config)
+    outcome = _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])), config)
+    return outcome.model_copy(update={"notes": outcome.notes + _control(folder, found, table, out)})
+
+
+def _control(folder: Path, found: Found, table: pd.DataFrame, out: Path) -> tuple[str, ...]:
+    """Write the marks of ground control points, if there are any; return notes on them."""
+    if not found.control:
+        return ()
+    from aug3d_core.photos.control import read_control  # with GDAL, which most folders do without
+
+    marks, notes = read_control(folder / found.control, table)
+    marks.to_parquet(out / CONTROL_TABLE)
+    return notes
 
 
 def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]:

@@ -10,7 +10,7 @@ from aug3d_core.judging.files import COMPARED, CONVENTIONS, TEST_VIEWS
 from aug3d_core.overlap.files import OVERLAP_MEMBERS, OVERLAP_TABLE
 from aug3d_core.photos.files import PHOTO_TABLE, REJECTED_TABLE
 from aug3d_core.rendering.files import RENDER_TABLE
-from aug3d_core.sfm.files import MATCHING_TABLE, POINTS, TRACKS, UNPLACED, VIEWS, WORLD
+from aug3d_core.sfm.files import CONTROL_POINTS, MATCHING_TABLE, POINTS, TRACKS, UNPLACED, VIEWS, WORLD
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store.record import Record
 
@@ -18,7 +18,7 @@ from aug3d_core.store.record import Record
 _READ = {
     "photos": (PHOTO_TABLE, REJECTED_TABLE),
     "matching": (MATCHING_TABLE,),
-    "sfm": (VIEWS, POINTS, TRACKS, WORLD, UNPLACED),
+    "sfm": (VIEWS, POINTS, TRACKS, WORLD, UNPLACED, CONTROL_POINTS),
     "grouping": (SPLIT_TABLE, GROUPS),
     "overlap": (OVERLAP_TABLE, OVERLAP_MEMBERS),
     "depth": (BASELINE_FUSED,),

@@ -112,6 +112,7 @@ border-bottom:1px solid var(--line)}
 .cam.target{fill:var(--target);stroke:#fff;stroke-width:3;r:calc(1.3*var(--r))}
 .key.target{background:var(--target);border:2px solid #fff;box-shadow:0 0 0 1px #0006}
 .map .look{stroke:#fff;stroke-width:1.4;fill:none;opacity:.75}
+.point{fill:#ff4081;stroke:#fff;stroke-width:1.6}.point.check,.point.wrong{fill:#0008;stroke:#ff4081}
 .gps-error{stroke:#ffea00;stroke-width:2.4;fill:none}
 .cell{fill:none;stroke:#fff;stroke-width:1.5;stroke-dasharray:7 6}.dome{fill:#00e5ff;stroke:#000;stroke-width:1.5}
 .passed{stroke:#fff;stroke-width:2;fill:none;opacity:.8}
@@ -120,6 +121,7 @@ border-bottom:1px solid var(--line)}
 .picking .cam{opacity:.25}.picking .cam.picked{opacity:1}.picking .cam.chosen{stroke:#fff;stroke-width:4}
 .map:has(.show-ground:not(:checked)) g.ground,.map:has(.show-looks:not(:checked)) g.looks,
 .map:has(.show-domes:not(:checked)) g.domes,.map:has(.show-gps:not(:checked)) g.gps,
+.map:has(.show-control:not(:checked)) g.control,
 .map:has(.show-cams:not(:checked)) g.cams{display:none}
 image{image-rendering:auto}
 .tall .scroll{max-height:440px;overflow-y:auto}.tall thead th{position:sticky;top:0;background:var(--card)}

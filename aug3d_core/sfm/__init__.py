@@ -6,7 +6,8 @@ mapping       database -> reconstructions, the largest first
 grow          start from an earlier reconstruction of most of the photographs
 refusal       photographs that cannot become a scene, and why
 camera_model  the smallest camera model that predicts the photographs; EXIF's focal length where they cannot tell better
-align         reconstruction -> ENU metres by GPS, or level scene units without
+align         reconstruction -> ENU metres by control points or GPS, or level scene units without
+control       where a reconstruction has ground control points, and how far off it is there (plain numpy)
 doming        how far the flight is bent against GPS altitudes (plain numpy)
 unplaced      which photographs fell out, and the likely reason
 spread        how far repeated reconstructions are apart (plain numpy)

@@ -1,8 +1,8 @@
 """Bring a reconstruction, whose frame and scale are arbitrary, into the project's world.
 
-With GPS: ENU metres about the photographs' median position. Without: z up and a nominal scale, in which the median
-camera flies 50 units above the ground, about as high as drones do, so that settings in metres stay sensible. In both,
-z = 0 is the ground. Plain numpy.
+With ground control points: ENU metres about their middle. With GPS: about the photographs' median position. Without: z up and a
+nominal scale, in which the median camera flies 50 units above the ground, about as high as drones do, so that settings in
+metres stay sensible. In all, z = 0 is the ground. Plain numpy.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _MOST_LEAN_DEG = 3.0  # between the verticals of GPS altitudes and ground at whi
 class Alignment:
     """How the world was found.
 
-    world_from_model: the similarity to apply. up_from: gps, or gravity (cameras and ground). residual_m: horizontal
-    distance of each camera to its GPS position, NaN without. up_offset_m: GPS height of z = 0 about the GPS origin, NaN
-    without altitudes. problem: why GPS that exists was not used.
+    world_from_model: the similarity to apply. up_from: control points, gps, or gravity (cameras and ground). residual_m:
+    horizontal distance of each camera to its GPS position, NaN without. up_offset_m: height of z = 0 about the origin that
+    positions were given about, NaN without altitudes. problem: why GPS that exists was not used.
     """
 
     world_from_model: Similarity
@@ -79,6 +79,18 @@ def align(
         problem = f"only {located.sum()} of the placed photographs have GPS, 3 are needed"
     fit = _nominal(level, cam_from_model, points_in_model, median_depth)
     return Alignment(fit, False, "gravity", np.full(len(gps_enu_m), np.nan), np.nan, problem)
+
+
+def align_to_control(
+    fit: Similarity,
+    cam_from_model: Float[np.ndarray, "n 3 4"],
+    points_in_model: Float[np.ndarray, "p 3"],
+    gps_enu_m: Float[np.ndarray, "n 3"],
+) -> Alignment:
+    """Take the world that control points tell, its ground put to z = 0; positions are about the same origin."""
+    ground_m = ground_height(fit.apply(points_in_model)[:, 2])
+    residual_m = np.linalg.norm((fit.apply(centres(cam_from_model)) - gps_enu_m)[:, :2], axis=1)
+    return Alignment(_lower(fit, ground_m), True, "control", residual_m, float(ground_m))
 
 
 def _disagreement(

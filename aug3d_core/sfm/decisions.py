@@ -13,7 +13,11 @@ _PAIRS = {
     "gps and coarse": "neighbours by GPS, and by likeness for the photographs that do not bear it out",
     "coarse": "no GPS to go by: a coarse comparison of all pairs tells which look alike",
 }
-_UP = {"gps": "GPS altitudes fix the vertical well", "gravity": "from how the cameras hang and the ground lies"}
+_UP = {
+    "control": "ground control points tell the world",
+    "gps": "GPS altitudes fix the vertical well",
+    "gravity": "from how the cameras hang and the ground lies",
+}
 
 
 def matching_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
@@ -50,7 +54,12 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
             rule="what photographs state, unless a fitted one gains half of what it moves, and 2 %",
         )
     if up := metrics["up_from"]:
-        yield Decision(field="sfm.up", value=up, measured=_UP[up], rule="GPS where it is well spread, else gravity")
+        yield Decision(
+            field="sfm.up",
+            value=up,
+            measured=_UP[up],
+            rule="control points, else GPS where it is well spread, else gravity",
+        )
 
 
 def _held_out(metrics: Mapping[str, Any]) -> str:

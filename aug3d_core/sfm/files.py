@@ -9,6 +9,7 @@ VIEW_IMAGES = "images"
 POINTS = "points.npz"
 TRACKS = "tracks.npz"
 WORLD = "world.json"
+CONTROL_POINTS = "control_points.parquet"  # there if the photographs have ground control points
 COLMAP_MODEL = "model"
 COMPONENTS = "components.json"
 OTHER_MODELS = "other_models"

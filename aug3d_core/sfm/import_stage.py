@@ -13,7 +13,7 @@ import pandas as pd
 import pycolmap
 from jaxtyping import Float
 
-from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
+from aug3d_core.photos.files import PHOTO_IMAGES, read_control_marks, read_photos
 from aug3d_core.poses.files import GIVEN_MODEL, Given, read_given
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Inputs, Outcome, Progress
@@ -54,11 +54,13 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         check = _by_matches(inputs, config, Path(scratch)) if "matching" in inputs else _by_points(inputs)
         model, fit, refused = agreeing(given, check, photos)
     progress(len(given), len(given), "poses checked; writing photographs undistorted")
-    alignment, arrays = align_model(model, photos, np.random.default_rng(config.seed))
-    write_outputs(model, arrays, [], alignment, photos, images, out)
+    located, arrays = align_model(
+        model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed)
+    )
+    write_outputs(model, arrays, [], located, photos, images, out)
     _unplaced(photos, given, refused).to_parquet(out / UNPLACED)
-    doming = flight_doming(arrays, alignment, photos)
-    metrics = model_metrics(model, arrays, alignment, photos, doming) | {
+    doming = flight_doming(arrays, located, photos)
+    metrics = model_metrics(model, arrays, located, photos, doming) | {
         "components": 1,
         "photos_fit_median": float(np.nanmedian(fit)),
         "photos_contradicted": len(refused),
@@ -72,8 +74,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     few = len(arrays.views) < 0.5 * len(photos)
     return Outcome(
         metrics=metrics,
-        state="degraded" if few or refused or loose or alignment.problem or (doming and doming.flagged) else "ok",
-        notes=notes + alignment_notes(alignment) + (doming.notes if doming else ()),
+        state="degraded" if few or refused or loose or located.problem or (doming and doming.flagged) else "ok",
+        notes=notes + alignment_notes(located) + (doming.notes if doming else ()),
         pictures={"Points and cameras from above": SFM_MAP},
         decisions=tuple(sfm_decisions(metrics)),
     )

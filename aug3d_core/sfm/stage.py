@@ -10,7 +10,7 @@ import numpy as np
 import pycolmap
 
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
+from aug3d_core.photos.files import PHOTO_IMAGES, read_control_marks, read_photos
 from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm import export
@@ -59,15 +59,17 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
     largest = mapped.models[0]
     chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
-    alignment, arrays = align_model(chosen.model, photos, np.random.default_rng(config.seed))
+    located, arrays = align_model(
+        chosen.model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed)
+    )
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
-    write_outputs(chosen.model, arrays, mapped.models[1:], alignment, photos, images, out, known)
+    write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, known)
     shutil.rmtree(out / MAPPING, ignore_errors=True)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
     unplaced.to_parquet(out / UNPLACED)
-    doming = flight_doming(arrays, alignment, photos)
-    metrics = model_metrics(chosen.model, arrays, alignment, photos, doming) | _choices(mapped, chosen)
+    doming = flight_doming(arrays, located, photos)
+    metrics = model_metrics(chosen.model, arrays, located, photos, doming) | _choices(mapped, chosen)
     joint = weakest_joint(arrays.tracks, len(arrays.views))
     metrics |= {
         "components": len(mapped.models),
@@ -78,14 +80,14 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
     doubts = _doubts(arrays, joint)
-    if may_be_one_spot and not chosen.focal_known and not alignment.metric:
+    if may_be_one_spot and not chosen.focal_known and not located.alignment.metric:
         doubts.append(_SPOT_NOTE)
     return Outcome(
         metrics=metrics,
-        state="degraded" if few or doubts or alignment.problem or bent else "ok",
+        state="degraded" if few or doubts or located.problem or bent else "ok",
         notes=(
             *unplaced_notes(unplaced, len(photos)),
-            *alignment_notes(alignment),
+            *alignment_notes(located),
             *(doming.notes if doming else ()),
             *doubts,
             *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),

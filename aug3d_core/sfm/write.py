@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,17 @@ import pandas as pd
 import pycolmap
 from jaxtyping import Float
 
+from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.run.stage import Metric
 from aug3d_core.sfm import export
-from aug3d_core.sfm.align import Alignment, align
+from aug3d_core.sfm.align import Alignment, align, align_to_control
+from aug3d_core.sfm.control import Survey, marked_points, survey
 from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
 from aug3d_core.sfm.files import (
     COLMAP_MODEL,
     COMPONENTS,
+    CONTROL_POINTS,
     OTHER_MODELS,
     POINTS,
     SFM_MAP,
@@ -32,16 +36,44 @@ from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
 
 
+@dataclass(frozen=True)
+class Located:
+    """The world of a model. origin: latitude, longitude and height that `alignment` is about, NaN without any."""
+
+    alignment: Alignment
+    origin: Float[np.ndarray, " 3"]
+    survey: Survey | None = None
+
+    @property
+    def problem(self) -> str:
+        """Why positions that exist were not used."""
+        return self.alignment.problem or (self.survey.problem if self.survey else "")
+
+
 def align_model(
-    model: pycolmap.Reconstruction, photos: pd.DataFrame, rng: np.random.Generator
-) -> tuple[Alignment, export.Arrays]:
-    """Move the model into the world; return how, and what it then holds."""
-    gps_enu_m, swapped_enu_m = gps_positions(photos)[0], _swapped_positions(photos)
+    model: pycolmap.Reconstruction, photos: pd.DataFrame, marks: pd.DataFrame | None, rng: np.random.Generator
+) -> tuple[Located, export.Arrays]:
+    """Move the model into the world; return how, and what it then holds. marks: of ground control points."""
     placed = [export.photo_id(image) for image in export.registered(model)]
     arrays = export.to_arrays(model)
+    told = None if marks is None else survey(marked_points(model, marks))
+    if told and told.world_from_model:
+        geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].fillna({"alt_m": told.origin[2]}).to_numpy(float)
+        gps_enu_m = enu_from_geodetic(geodetic[placed], told.origin)
+        poses, points = arrays.views.cam_from_world, arrays.points.xyz
+        located = Located(align_to_control(told.world_from_model, poses, points, gps_enu_m), told.origin, told)
+    else:
+        located = Located(_by_gps(arrays, photos, placed, rng), gps_positions(photos)[1], told)
+    fit = located.alignment.world_from_model
+    model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
+    return located, arrays.moved(fit)
+
+
+def _by_gps(arrays: export.Arrays, photos: pd.DataFrame, placed: list[int], rng: np.random.Generator) -> Alignment:
+    gps_enu_m, swapped_enu_m = gps_positions(photos)[0], _swapped_positions(photos)
     at = centres(arrays.views.cam_from_world)
     depth = np.linalg.norm(arrays.points.xyz[arrays.tracks.point] - at[arrays.tracks.view], axis=1)
-    alignment = align(
+    return align(
         arrays.views.cam_from_world,
         arrays.points.xyz,
         float(np.median(depth)),
@@ -49,16 +81,13 @@ def align_model(
         rng,
         None if swapped_enu_m is None else swapped_enu_m[placed],
     )
-    fit = alignment.world_from_model
-    model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
-    return alignment, arrays.moved(fit)
 
 
 def write_outputs(
     model: pycolmap.Reconstruction,
     arrays: export.Arrays,
     others: Sequence[pycolmap.Reconstruction],
-    alignment: Alignment,
+    located: Located,
     photos: pd.DataFrame,
     images: Path,
     out: Path,
@@ -78,30 +107,37 @@ def write_outputs(
         (out / folder).mkdir(parents=True, exist_ok=True)
         each.write_binary(out / folder)
     _write_json(_components([model, *others], folders, photos), out / COMPONENTS)
-    world = world_record(alignment, photos)
+    world = world_record(located)
     _write_json(world, out / WORLD)
+    if located.survey:
+        located.survey.table.to_parquet(out / CONTROL_POINTS)
     draw_map(arrays.views, arrays.points, world["unit"], out / SFM_MAP)
 
 
-def world_record(alignment: Alignment, photos: pd.DataFrame) -> dict[str, Any]:
-    """Return what `world.json` says. The origin is where on earth (0, 0, 0) is, its altitude null if GPS had none."""
+def world_record(located: Located) -> dict[str, Any]:
+    """Return what `world.json` says. The origin is where on earth (0, 0, 0) is, its altitude null if nothing told it."""
+    alignment = located.alignment
     unit = "m" if alignment.metric else "scene unit"
     record = {"metric": alignment.metric, "unit": unit, "up_from": alignment.up_from}
     if not alignment.metric:
         return record | {"origin": None, "gps_residual_m_median": None}
-    lat_deg, lon_deg, alt_m = gps_positions(photos)[1]
+    lat_deg, lon_deg, alt_m = located.origin
     alt_m = float(alt_m + alignment.up_offset_m) if np.isfinite(alignment.up_offset_m) else None
     return record | {
         "origin": {"lat_deg": float(lat_deg), "lon_deg": float(lon_deg), "alt_m": alt_m},
-        "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)),
+        "gps_residual_m_median": _median(alignment.residual_m),
     }
 
 
-def flight_doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFrame) -> Doming | None:
+def _median(values: Float[np.ndarray, " n"]) -> float | None:
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else None
+
+
+def flight_doming(arrays: export.Arrays, located: Located, photos: pd.DataFrame) -> Doming | None:
     """Return the bend of the reconstructed flight by what tells it best, None where nothing does."""
     poses = arrays.views.cam_from_world
     found = [doming_by_lean(poses)]
-    if alignment.metric:
+    if located.alignment.metric:
         found.append(measure_doming(centres(poses), gps_positions(photos)[0][arrays.views.photo_id]))
     return min((one for one in found if one), key=lambda one: one.sigma_pct, default=None)
 
@@ -109,11 +145,12 @@ def flight_doming(arrays: export.Arrays, alignment: Alignment, photos: pd.DataFr
 def model_metrics(
     model: pycolmap.Reconstruction,
     arrays: export.Arrays,
-    alignment: Alignment,
+    located: Located,
     photos: pd.DataFrame,
     doming: Doming | None,
 ) -> dict[str, Metric]:
     """Return the figures of a model that was written."""
+    alignment = located.alignment
     camera = model.camera(export.registered(model)[0].camera_id)
     heights = centres(arrays.views.cam_from_world)[:, 2]
     return {
@@ -124,18 +161,35 @@ def model_metrics(
         "observations": len(arrays.tracks.point),
         "reprojection_px": model.compute_mean_reprojection_error(),
         "track_length_mean": len(arrays.tracks.point) / max(1, len(arrays.points.xyz)),
-        "gps_residual_m_median": float(np.nanmedian(alignment.residual_m)) if alignment.metric else None,
+        "gps_residual_m_median": _median(alignment.residual_m) if alignment.metric else None,
         "camera_height_m_median" if alignment.metric else "camera_height_units_median": float(np.median(heights)),
         "up_from": alignment.up_from,
         "doming_pct": doming and doming.pct,
         "doming_sigma_pct": doming and doming.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),
-    }
+    } | (_survey_metrics(located.survey) if located.survey else {})
 
 
-def alignment_notes(alignment: Alignment) -> tuple[str, ...]:
-    """Say in words what GPS was not used for."""
+def _survey_metrics(told: Survey) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    for role in ("control", "check"):
+        rms_m = told.rms_m(role) if told.world_from_model else None
+        metrics[f"{role}_points"] = int((told.table["role"] == role).sum()) if told.world_from_model else 0
+        metrics[f"{role}_error_horizontal_m"], metrics[f"{role}_error_up_m"] = rms_m or (None, None)
+    return metrics
+
+
+def alignment_notes(located: Located) -> tuple[str, ...]:
+    """Say in words what control points and GPS were not used for."""
+    told = located.survey
+    notes = () if told is None else told.notes
+    if told is not None and told.problem:
+        notes += (f"the control points are not used: {told.problem}",)
+    return notes + _gps_notes(located.alignment)
+
+
+def _gps_notes(alignment: Alignment) -> tuple[str, ...]:
     if alignment.problem:
         return (f"GPS is not used, the scale is nominal: {alignment.problem}",)
     if not alignment.metric:

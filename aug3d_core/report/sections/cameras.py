@@ -11,6 +11,7 @@ from aug3d_core.photos.files import REDUNDANT, REJECTED_TABLE
 from aug3d_core.report.histogram import histogram
 from aug3d_core.report.html import number, table, tag
 from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.control import control_points, surveyed
 from aug3d_core.report.sections.gps import gps_errors
 from aug3d_core.sfm.files import MATCHING_TABLE, UNPLACED
 from aug3d_core.split.files import SPLIT_TABLE
@@ -22,7 +23,7 @@ def cameras(run: ReportedRun) -> str:
     """Return how the photographs were used."""
     sheet = run.pictures("photos") or run.pictures("town")
     shown = tag("details", tag("summary", "The photographs") + tag("div", sheet, class_="card")) if sheet else ""
-    return _placed(run) + _left_out(run) + _errors(run) + _each(run) + shown
+    return _placed(run) + _left_out(run) + control_points(run) + _errors(run) + _each(run) + shown
 
 
 def _placed(run: ReportedRun) -> str:
@@ -80,7 +81,7 @@ def _errors(run: ReportedRun) -> str:
     if len(located):
         drawn = histogram(np.linalg.norm(located[:, :2], axis=1), "horizontal distance to GPS [m]", "Photographs")
         charts.append(("GPS error", _by_axis(located), drawn))
-    elif run.views is not None:
+    elif run.views is not None and surveyed(run).empty:
         said = "GPS was not used: there is none, or it contradicts the photographs. Lengths are nominal."
         charts.append(("GPS error", said, ""))
     cards = (

@@ -1,4 +1,4 @@
-"""The layers of the map: ground, lines, domes, GPS errors, scale bar."""
+"""The layers of the map: ground, lines, domes, GPS errors, control points, scale bar."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.domes.files import CAMERAS, DOME_TABLE
+from aug3d_core.report.html import tag
 from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.control import surveyed
 from aug3d_core.report.sections.gps import gps_errors
 from aug3d_core.report.svg import raster, text
 from aug3d_core.report.top_view import Frame, from_above
@@ -80,6 +82,17 @@ def gps_lines(run: ReportedRun, frame: Frame, at: Float[np.ndarray, "n 3"]) -> t
     times = float(f"{max(wanted, 1):.1g}")
     gps = at[known, :2] - times * errors[known, :2]
     return f"GPS errors, {times:g} times as long", lines(frame, at[known, :2], gps, "gps-error")
+
+
+def control(run: ReportedRun, frame: Frame) -> str:
+    """Draw a triangle at each control point, hollow where it only judges or is wrong."""
+    drawn = []
+    for point in surveyed(run).to_dict("records"):
+        x, y = frame.place(np.array([point["x_m"], point["y_m"]]))
+        off = " ".join(f"{axis} {point[f'error_{axis}_m']:+.2f}" for axis in ("east", "north", "up"))
+        title = tag("title", escape(f"{point['point']} ({point['role']}): {off} m"))
+        drawn.append(tag("path", title, class_=f"point {point['role']}", d=f"M{x:.1f} {y - 9:.1f}l8 14h-16z"))
+    return "".join(drawn)
 
 
 def scale_bar(frame: Frame, unit: str) -> str:

@@ -13,7 +13,7 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.groups.files import GROUPS
 from aug3d_core.report.html import number, tag
 from aug3d_core.report.reported_run import ReportedRun
-from aug3d_core.report.sections.map_layers import domes, gps_lines, ground, lines, scale_bar
+from aug3d_core.report.sections.map_layers import control, domes, gps_lines, ground, lines, scale_bar
 from aug3d_core.report.svg import svg
 from aug3d_core.report.top_view import Frame
 from aug3d_core.split.files import SPLIT_TABLE
@@ -41,6 +41,7 @@ def overview(run: ReportedRun) -> str:
         ("looks", "viewing directions", lines(frame, at[shown, :2], look[shown], "look")),
         ("domes", "domes and virtual views", domes(run, frame)),
         ("gps", *gps_lines(run, frame, at)),
+        ("control", "control points", control(run, frame)),
         ("cams", "cameras", "".join(_camera(run, views, frame, at, roles, colours, view) for view in shown)),
     ]
     size = f"--r:{_radius_px(frame.place(at[:, :2])):.1f}px"

@@ -11,6 +11,7 @@ from aug3d_core.judging.names import called
 from aug3d_core.judging.summary import FROM_MESH
 from aug3d_core.report.html import number, percent, tag
 from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.control import surveyed
 from aug3d_core.report.sections.remedies import REMEDIES
 from aug3d_core.report.sections.tracks import ENOUGH
 
@@ -93,7 +94,7 @@ def _geometry(run: ReportedRun) -> Iterator[Verdict]:
     if gps_m is not None:
         light, bounds = _most(gps_m, 5, 15), "good to 5 m, bad above 15"
         yield Verdict("GPS error, median", light, f"{gps_m:.1f} m", bounds, MAP, REMEDIES["gps"])
-    elif run.record("sfm"):
+    elif run.record("sfm") and surveyed(run).empty:
         yield Verdict("GPS", "check", "not used", "without it, lengths are nominal", MAP, REMEDIES["no gps"])
     if run.seen_by is not None and (run.seen_by >= 0).any():
         share = float((run.seen_by[run.seen_by >= 0] >= ENOUGH).mean())
