@@ -12,8 +12,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.sparse.csgraph import connected_components
 
+from aug3d_core.look.control import LEAST_MARKS
 from aug3d_core.look.survey import Survey
 from aug3d_core.photos.config import PhotosConfig
+from aug3d_core.sfm.control import FEWEST as LEAST_CONTROL
 
 Weight = Literal["stop", "warn", "note"]
 
@@ -304,6 +306,23 @@ def _photographs(count: SupportsInt) -> str:
     return f"{int(count)} photograph{'s' * (int(count) != 1)}"
 
 
+def _control(survey: Survey) -> Iterator[Finding]:
+    listed = survey.control
+    if listed is None:
+        return
+    if listed.problem:
+        yield Finding("stop", f"{listed.problem}.", listed.remedy)
+        return
+    for note in listed.notes:
+        yield Finding("note", f"{note}.", "Nothing, if that is meant.")
+    told = f"{listed.control} control points and {listed.check} check points are marked in {LEAST_MARKS} photographs or more"
+    if listed.control < LEAST_CONTROL:
+        yield Finding("warn", f"{told}.", f"Mark {LEAST_CONTROL} control points or more: else GPS tells the world.")
+    else:
+        yield Finding("note", f"{told}: they tell the world, and not GPS.", "Nothing.")
+
+
 _RULES: Sequence[Callable[[Survey], Iterator[Finding]]] = (
     _count, _unusable, _overlap, _lines, _gaps, _blur, _exposure, _positions, _cameras, _times,
+    _control,
 )  # fmt: skip

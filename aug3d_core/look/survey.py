@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from aug3d_core.look.control import Listed, listed_points
 from aug3d_core.look.glance import Glance, glances
 from aug3d_core.look.ground import Ground, ground_of
 from aug3d_core.look.neighbours import Step, steps_between
@@ -23,7 +24,7 @@ class Survey:
     """photos: those that can be used, in the order of capture. steps: from each to the next.
 
     unusable: why others cannot be used, by name. same: names of later photographs with the same bytes as an earlier one.
-    ignored: files that are no photographs. ground: None without positions.
+    ignored: files that are no photographs. ground: None without positions. control: None without a list of control points.
     """
 
     folder: Path
@@ -33,6 +34,7 @@ class Survey:
     same: Mapping[str, str]
     ignored: int
     ground: Ground | None
+    control: Listed | None
 
     @cached_property
     def overlaps(self) -> Float[np.ndarray, " m"]:
@@ -53,4 +55,5 @@ def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey
     same = {one.name: first[one.sha256] for one in seen if first.setdefault(one.sha256, one.name) != one.name}
     photos = capture_order([one for one in seen if one.name not in same])
     steps = steps_between(photos)
-    return Survey(folder, photos, steps, unusable, same, found.ignored, ground_of(photos, steps))
+    control = listed_points(folder / found.control, photos) if found.control and photos else None
+    return Survey(folder, photos, steps, unusable, same, found.ignored, ground_of(photos, steps), control)

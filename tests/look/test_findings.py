@@ -109,3 +109,24 @@ def test_few_photographs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is empty"):
         (tmp_path / "none").mkdir()
         found(tmp_path / "none")
+
+
+def test_a_list_of_control_points_is_checked_before_anything_is_processed(tmp_path: Path) -> None:
+    folder = take(tmp_path, lines(5))
+    east, north = 462_000.0, 5_205_500.0  # of 8.5 E, 47 N
+    names = ("A", "B", "C", "CHK", "once")
+    marks = [
+        f"{east + 5 * place} {north + 3 * place**2} 400 100 90 shot_{photo:03d}.jpg {name}"
+        for place, name in enumerate(names)
+        for photo in ((0, 1) if name != "once" else (0,))
+    ]
+    file = folder / "gcp_list.txt"
+    file.write_text("\n".join(["WGS84 UTM 32N", *marks]))
+    (good,) = found(folder)
+    assert good.weight == "note" and good.what.startswith("3 control points and 1 check points are marked")
+    file.write_text("\n".join(["WGS84 UTM 32N", *marks[2:]]))
+    (few,) = found(folder)
+    assert few.weight == "warn" and "GPS tells the world" in few.to_do
+    file.write_text("\n".join(["WGS84 UTM 33N", *marks]))
+    (wrong,) = found(folder)
+    assert wrong.weight == "stop" and "line 2" in wrong.what and "WGS84 UTM 32N" in wrong.to_do
