@@ -113,6 +113,7 @@ border-bottom:1px solid var(--line)}
 .key.target{background:var(--target);border:2px solid #fff;box-shadow:0 0 0 1px #0006}
 .map .look{stroke:#fff;stroke-width:1.4;fill:none;opacity:.75}
 .point{fill:#ff4081;stroke:#fff;stroke-width:1.6}.point.check,.point.wrong{fill:#0008;stroke:#ff4081}
+.point-key{border:0;border-radius:0;background:#ff4081;clip-path:polygon(50% 0,100% 100%,0 100%)}
 .gps-error{stroke:#ffea00;stroke-width:2.4;fill:none}
 .cell{fill:none;stroke:#fff;stroke-width:1.5;stroke-dasharray:7 6}.dome{fill:#00e5ff;stroke:#000;stroke-width:1.5}
 .passed{stroke:#fff;stroke-width:2;fill:none;opacity:.8}

@@ -29,8 +29,8 @@ def control_points(run: ReportedRun) -> str:
     placed = run.record("sfm")
     metrics = placed.metrics if placed else {}
     said = [
-        f"{tag('b', words)}: {number(metrics.get(f'{role}_error_horizontal_m'), 2)} m across, "
-        f"{number(metrics.get(f'{role}_error_up_m'), 2)} m up (RMS of {metrics[f'{role}_points']})."
+        f"{tag('b', words)}: {metrics[f'{role}_error_horizontal_m']:.3f} m across, "
+        f"{metrics[f'{role}_error_up_m']:.3f} m up (RMS of {metrics[f'{role}_points']})."
         for role, words in (("check", "Check points"), ("control", "Control points, each left out in its turn"))
         if metrics.get(f"{role}_error_up_m") is not None
     ]

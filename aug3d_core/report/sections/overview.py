@@ -13,6 +13,7 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.groups.files import GROUPS
 from aug3d_core.report.html import number, tag
 from aug3d_core.report.reported_run import ReportedRun
+from aug3d_core.report.sections.control import surveyed
 from aug3d_core.report.sections.map_layers import control, domes, gps_lines, ground, lines, scale_bar
 from aug3d_core.report.svg import svg
 from aug3d_core.report.top_view import Frame
@@ -41,8 +42,8 @@ def overview(run: ReportedRun) -> str:
         ("looks", "viewing directions", lines(frame, at[shown, :2], look[shown], "look")),
         ("domes", "domes and virtual views", domes(run, frame)),
         ("gps", *gps_lines(run, frame, at)),
-        ("control", "control points", control(run, frame)),
         ("cams", "cameras", "".join(_camera(run, views, frame, at, roles, colours, view) for view in shown)),
+        ("control", "control points", control(run, frame)),
     ]
     size = f"--r:{_radius_px(frame.place(at[:, :2])):.1f}px"
     drawn = "".join(f'<g class="{key}" style="{size}">{content}</g>' for key, _, content in layers)
@@ -141,6 +142,9 @@ def _legend(run: ReportedRun, roles: np.ndarray, coloured: int) -> str:
         for role, meant in said.items()
         if role in found
     )
+    points = surveyed(run)
+    if len(points):
+        entries += tag("span", '<i class="key point-key"></i>control point; dark: only judges, or wrong')
     facing = "North is up." if run.unit == "m" else "No GPS: the map's orientation and scale are nominal."
     use = "Point at a mark for the photograph's name. Click it to show a group with this photograph, again for the next group."
     return tag("div", entries, class_="legend") + tag("p", f"{facing} {use}", class_="dim")

@@ -42,7 +42,7 @@ def test_errors_are_in_the_table_and_on_the_map(tmp_path: Path) -> None:
     POINTS.to_parquet(tmp_path / "sfm" / CONTROL_POINTS)
     placed(run).update(check_points=1, check_error_horizontal_m=0.0566, check_error_up_m=0.04)
     page = cameras(run)
-    assert "<b>Check points</b>: 0.057 m across, 0.04 m up (RMS of 1)" in page
+    assert "<b>Check points</b>: 0.057 m across, 0.040 m up (RMS of 1)" in page
     assert "left out in its turn" not in page, "it has no figure"
     rows = re.findall(r"<tr><td[^>]*>(?:CHK|A|&lt;).*?</tr>", control_points(run))
     assert "+0.040" in rows[0] and "CHK" in rows[0] and ">-<" in rows[1] and EVIL not in page
