@@ -233,6 +233,18 @@ def bench_advice(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_
     _bench("advice", home, preset, set_, as_json, measure)
 
 
+@bench.command("view")
+def bench_view(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """How many views a second `aug3d view` predicts, and how soon the first is there (the demo's time)."""
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import view
+
+        return Measurement(view.figures(store, scene, say))
+
+    _bench("view", home, preset, set_, as_json, measure)
+
+
 @bench.command("scale")
 def bench_scale(
     home: Home = HOME,
