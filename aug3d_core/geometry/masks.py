@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import Image
 LEAST_USED = 128  # a grey level from which a pixel is used
 
 
-def used_pixels(path: Path, size_px: tuple[int, int] | None = None) -> Bool[np.ndarray, "h w"] | None:
+def used_pixels(path: Path, size_px: Sequence[int] | None = None) -> Bool[np.ndarray, "h w"] | None:
     """Return which pixels are used, at a size (width, height) or the mask's own: those of which half or more is.
 
     None where there is no mask.
@@ -21,7 +22,8 @@ def used_pixels(path: Path, size_px: tuple[int, int] | None = None) -> Bool[np.n
     with Image.open(path) as image:
         mask = image.convert("L")
     if size_px is not None and mask.size != tuple(size_px):
-        mask = mask.resize(tuple(size_px), Image.Resampling.BOX)
+        width, height = size_px
+        mask = mask.resize((width, height), Image.Resampling.BOX)
     return np.asarray(mask) >= LEAST_USED
 
 

@@ -68,8 +68,8 @@ def _write_mask(source: Path, photo: Decoded, copy: Path, budget: MemoryBudget) 
                     f"{photo.original_size[1]} px as it is stored"
                 )
             take_memory(image, budget, held)
-            grey = _grey(image).point(lambda level: 255 if level >= LEAST_USED else 0)
-            used = np.asarray(grey.resize(photo.size, Image.Resampling.BOX)) >= LEAST_USED
+            whole = Image.fromarray(np.where(np.asarray(_grey(image)) >= LEAST_USED, np.uint8(255), np.uint8(0)))
+            used = np.asarray(whole.resize(photo.size, Image.Resampling.BOX)) >= LEAST_USED
     except PictureError as error:
         raise InputError(
             f"the mask {name} of photograph {photo.name} cannot be used: {error}",
