@@ -119,6 +119,20 @@ def _unusable(survey: Survey) -> Iterator[Finding]:
         )
 
 
+def _masks(survey: Survey) -> Iterator[Finding]:
+    if survey.masked:
+        yield Finding(
+            "note", f"{_photographs(len(survey.masked))} have a mask, which this look does not heed.", "Nothing."
+        )
+    if survey.stray_masks:
+        yield Finding(
+            "warn",
+            f"{len(survey.stray_masks)} masks lie beside no photograph and mask nothing.",
+            "Name the mask of IMG_1.JPG IMG_1_mask.png, and put it beside it.",
+            tuple(survey.stray_masks),
+        )
+
+
 def _blur(survey: Survey) -> Iterator[Finding]:
     if (soft := blurred(survey)).any():
         yield Finding(
@@ -305,5 +319,5 @@ def _photographs(count: SupportsInt) -> str:
 
 
 _RULES: Sequence[Callable[[Survey], Iterator[Finding]]] = (
-    _count, _unusable, _overlap, _lines, _gaps, _blur, _exposure, _positions, _cameras, _times,
+    _count, _unusable, _masks, _overlap, _lines, _gaps, _blur, _exposure, _positions, _cameras, _times,
 )  # fmt: skip

@@ -23,7 +23,8 @@ class Survey:
     """photos: those that can be used, in the order of capture. steps: from each to the next.
 
     unusable: why others cannot be used, by name. same: names of later photographs with the same bytes as an earlier one.
-    ignored: files that are no photographs. ground: None without positions.
+    masked: photographs that have a mask. stray_masks: masks beside no photograph. ignored: files that are neither.
+    ground: None without positions.
     """
 
     folder: Path
@@ -31,6 +32,8 @@ class Survey:
     steps: Sequence[Step]
     unusable: Mapping[str, str]
     same: Mapping[str, str]
+    masked: Sequence[str]
+    stray_masks: Sequence[str]
     ignored: int
     ground: Ground | None
 
@@ -53,4 +56,6 @@ def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey
     same = {one.name: first[one.sha256] for one in seen if first.setdefault(one.sha256, one.name) != one.name}
     photos = capture_order([one for one in seen if one.name not in same])
     steps = steps_between(photos)
-    return Survey(folder, photos, steps, unusable, same, found.ignored, ground_of(photos, steps))
+    masked = [photo.name for photo in photos if photo.name in found.masks]
+    ground = ground_of(photos, steps)
+    return Survey(folder, photos, steps, unusable, same, masked, found.stray_masks, found.ignored, ground)

@@ -109,3 +109,12 @@ def test_few_photographs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is empty"):
         (tmp_path / "none").mkdir()
         found(tmp_path / "none")
+
+
+def test_masks_are_counted_and_those_of_no_photograph_are_told(tmp_path: Path) -> None:
+    take(tmp_path, lines(5))
+    for name in ("shot_001_mask.png", "shot_002_mask.png", "shto_003_mask.png"):
+        Image.new("L", (320, 240), 255).save(tmp_path / name)
+    stray, masked = found(tmp_path)
+    assert (stray.weight, stray.names) == ("warn", ("shto_003_mask.png",))
+    assert (masked.weight, masked.what.split()[0]) == ("note", "2")
