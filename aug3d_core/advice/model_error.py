@@ -6,15 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from PIL import Image
 from scipy.ndimage import uniform_filter
 
 from aug3d_core.advice.site import Site
 from aug3d_core.dataset.images import fit
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Views
-from aug3d_core.judging.files import COMPARED, prediction_of, truth_of
+from aug3d_core.judging.files import COMPARED, mask_of, prediction_of, truth_of
 from aug3d_core.photos.files import image_name
 
 READ = f"{COMPARED}/"
@@ -33,7 +34,8 @@ def error_at(site: Site, views: Views, evaluations: Sequence[Path]) -> Float[np.
         for view, photo in enumerate(views.photo_id.tolist()):
             predicted, true = folder / prediction_of(image_name(photo)), folder / truth_of(image_name(photo))
             if predicted.is_file() and true.is_file():
-                _add(site, views, view, _difference(predicted, true), total, count)
+                used = used_pixels(folder / mask_of(image_name(photo)))
+                _add(site, views, view, _difference(predicted, true, used), total, count)
     seen = count > 0
     if not seen.any():
         return np.ones(len(total))
@@ -42,10 +44,15 @@ def error_at(site: Site, views: Views, evaluations: Sequence[Path]) -> Float[np.
     return np.where(seen, np.clip(mean / usual, _LEAST, _MOST), 1.0)
 
 
-def _difference(predicted: Path, true: Path) -> Float[np.ndarray, "h w"]:
+def _difference(predicted: Path, true: Path, used: Bool[np.ndarray, "h w"] | None) -> Float[np.ndarray, "h w"]:
+    """Return the error around each pixel; NaN where the photograph is masked."""
     with Image.open(predicted) as one, Image.open(true) as other:
         off = np.asarray(one.convert("RGB"), float) - np.asarray(other.convert("RGB"), float)
-    return np.asarray(uniform_filter(np.abs(off).mean(axis=-1), _AROUND_PX))
+    error = np.abs(off).mean(axis=-1)
+    if used is None:
+        return np.asarray(uniform_filter(error, _AROUND_PX))
+    around, share = (np.asarray(uniform_filter(one, _AROUND_PX)) for one in (error * used, used.astype(float)))
+    return np.where(used, around / np.maximum(share, 1e-6), np.nan)
 
 
 def _add(
@@ -63,5 +70,7 @@ def _add(
     pose = views.cam_from_world[view]
     sample, _, _ = site.samples.visible(site.surface, pose, intrinsics, np.array([width, height]), _STEEPEST)
     x, y = np.floor(project(apply(pose, site.samples.xyz[sample]), intrinsics)).astype(int).T
+    known = np.isfinite(off[y, x])
+    sample, x, y = sample[known], x[known], y[known]
     total[sample] += off[y, x]
     count[sample] += 1

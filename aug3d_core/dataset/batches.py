@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from aug3d_core.dataset.scene import Scene
+from aug3d_core.dataset.scene import LEAST_SHOWN, Scene
 from aug3d_core.run.errors import InputError
 
 
@@ -78,7 +78,7 @@ def pixel_colours(
 ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
     """Return the colours in [0, 1] of pixels (view, x, y), and a weight of each: 0 where a render shows nothing."""
     view, x, y = pixels.T
-    return scene.images[view, y, x] / 255.0, (scene.alpha[view, y, x] >= 128).astype(float)
+    return scene.images[view, y, x] / 255.0, (scene.alpha[view, y, x] >= LEAST_SHOWN).astype(float)
 
 
 def _draw_group(

@@ -4,6 +4,9 @@ Colours are 8-bit sRGB values as the photograph stores them; averages are over t
 A view is cropped around its centre to the packed aspect, then shrunk with an area filter (every source pixel counts by
 the share of it that the target pixel covers); never sharpened, never padded. Rendered colours are averaged weighted by
 alpha, depths over covered pixels alone. CONVENTION names all this in the store's attributes.
+
+Colours of a photograph with a mask are means over what is used. A pixel of which less than half is used has alpha 0, and the
+colour of the nearest one that has not: nothing of what is masked is left.
 """
 
 from __future__ import annotations
@@ -11,8 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from PIL import Image
+from scipy.ndimage import distance_transform_edt
 
 CONVENTION = "sRGB 8 bit; centre crop to aspect; area filter on sRGB values; rounded to 8 bit"
 
@@ -41,6 +45,18 @@ class Fit:
     def colour(self, rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "H W 3"]:
         """Shrink an opaque image."""
         return self._rounded(np.stack([self._area(rgb[..., c]) for c in range(3)], axis=-1))
+
+    def alpha(self, used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "H W"]:
+        """Shrink a mask: 255 where half of a pixel or more is used, else 0."""
+        return np.where(self._area(used) >= 0.5, np.uint8(255), np.uint8(0))
+
+    def masked(self, rgb: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "H W 3"]:
+        """Shrink an image of which a part is masked; some of it has to be used."""
+        share = np.maximum(self._area(used), 1e-6)
+        colour = self._rounded(np.stack([self._area(rgb[..., c] * used) / share for c in range(3)], axis=-1))
+        hidden = self.alpha(used) == 0
+        row, column = np.asarray(distance_transform_edt(hidden, return_distances=False, return_indices=True))
+        return colour[row, column]
 
     def covered(
         self, rgb: UInt8[np.ndarray, "h w 3"], alpha: UInt8[np.ndarray, "h w"], depth: Float[np.ndarray, "h w"]
@@ -74,5 +90,6 @@ class Fit:
 def fit(source_width_px: int, source_height_px: int, width_px: int, height_px: int) -> Fit:
     """Return the largest centre crop of the packed aspect."""
     scale = min(source_width_px / width_px, source_height_px / height_px)
-    left, top = (source_width_px - scale * width_px) / 2, (source_height_px - scale * height_px) / 2
+    # Rounding may leave less than nothing, which Pillow refuses: 50 px to 11
+    left, top = max(0.0, (source_width_px - scale * width_px) / 2), max(0.0, (source_height_px - scale * height_px) / 2)
     return Fit((left, top, source_width_px - left, source_height_px - top), width_px, height_px)

@@ -10,7 +10,7 @@ import numpy as np
 from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.projection import middle_ground
-from aug3d_core.dataset.real import photo, seen_depths
+from aug3d_core.dataset.real import packed_alpha, packed_colour, seen_depths
 from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.geometry.transforms import homogeneous, invert
@@ -28,14 +28,15 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
     fits = [fit(int(w), int(h), *size_px) for w, h in views.size]
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
     poses = homogeneous(invert(views.cam_from_world))
-    images, bounds = [], []
+    images, alpha, bounds = [], [], []
     for view, (crop, pose) in enumerate(zip(fits, poses, strict=True)):
-        images.append(crop.colour(photo(sfm, int(views.photo_id[view]))))
+        images.append(packed_colour(sfm, int(views.photo_id[view]), crop))
+        alpha.append(packed_alpha(sfm, int(views.photo_id[view]), crop))
         bounds.append(near_far(slab, pose, intrinsics[view], size_px, seen_depths(views, points, tracks, view)))
     shape = (count, size_px[1], size_px[0])
     scene = Scene(
         images=np.stack(images),
-        alpha=np.full(shape, 255, np.uint8),
+        alpha=np.stack(alpha),
         depth=np.zeros(shape, np.float16),
         scaffold=np.zeros(shape, np.float16),
         world_from_cam=poses,

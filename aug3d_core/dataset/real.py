@@ -13,16 +13,17 @@ from PIL import Image
 from aug3d_core.dataset.bounds import depths_in, near_far
 from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.dataset.config import DatasetConfig
-from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.images import Fit, fit
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
 from aug3d_core.geometry.depth_maps import read_map
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 
 
@@ -31,6 +32,7 @@ class RealViews:
     """The photographs of a scene at packed size; rows as in sfm's Views."""
 
     images: UInt8[OnDemand, "n h w 3"]
+    alpha: UInt8[OnDemand, "n h w"]  # 0 where masked
     depth: Float16[OnDemand, "n h w"]  # by stereo, of training photographs; 0 where it is not sure
     world_from_cam: Float[np.ndarray, "n 4 4"]
     intrinsics: Float[np.ndarray, "n 4"]
@@ -54,9 +56,16 @@ def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: Datase
     splits = read_splits(grouping / SPLIT_TABLE, views)
     train = splits == SPLITS.index("train")
     shape = (len(views), size[::-1])
+
+    def stereo(view: int) -> Float16[np.ndarray, "h w"]:
+        photo_id = int(views.photo_id[view])
+        shown = packed_alpha(sfm, photo_id, fits[view]) > 0
+        return np.where(shown, _stereo(depth, photo_id, config), np.float16(0))
+
     return RealViews(
-        OnDemand(len(views), (*size[::-1], 3), np.uint8, lambda i: fits[i].colour(photo(sfm, int(views.photo_id[i])))),
-        OnDemand(*shape, np.float16, lambda i: _stereo(depth, int(views.photo_id[i]), config, bool(train[i]))),
+        OnDemand(len(views), (*size[::-1], 3), np.uint8, lambda i: packed_colour(sfm, int(views.photo_id[i]), fits[i])),
+        OnDemand(*shape, np.uint8, lambda i: packed_alpha(sfm, int(views.photo_id[i]), fits[i])),
+        OnDemand(*shape, np.float16, lambda i: stereo(i) if train[i] else np.zeros(size[::-1], np.float16)),
         world_from_cam,
         intrinsics,
         np.array(bounds),
@@ -73,16 +82,32 @@ def read_splits(path: Path, views: Views) -> UInt8[np.ndarray, " n"]:
     return np.array([SPLITS.index(role) for role in table["role"]], np.uint8)
 
 
-def photo(sfm: Path, photo_id: int) -> UInt8[np.ndarray, "h w 3"]:
-    """Return an undistorted photograph."""
+def packed_colour(sfm: Path, photo_id: int, crop: Fit) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a photograph at packed size, without what is masked."""
     with Image.open(sfm / VIEW_IMAGES / image_name(photo_id)) as image:
-        return np.asarray(image.convert("RGB"))
+        rgb = np.asarray(image.convert("RGB"))
+    used = used_pixels(sfm / VIEW_MASKS / image_name(photo_id))
+    return crop.colour(rgb) if used is None else crop.masked(rgb, used)
 
 
-def _stereo(depth: Path, photo_id: int, config: DatasetConfig, known: bool) -> Float16[np.ndarray, "h w"]:
+def packed_alpha(sfm: Path, photo_id: int, crop: Fit) -> UInt8[np.ndarray, "h w"]:
+    """Return 0 where a photograph is masked, 255 elsewhere; raises InputError where nothing is left of it."""
+    used = used_pixels(sfm / VIEW_MASKS / image_name(photo_id))
+    if used is None:
+        return np.full((crop.height_px, crop.width_px), 255, np.uint8)
+    alpha = crop.alpha(used)
+    if not alpha.any():
+        raise InputError(
+            f"its mask leaves nothing of photo {photo_id} as it is packed, {crop.width_px}x{crop.height_px} px",
+            "mend the mask, or take the photograph out",
+        )
+    return alpha
+
+
+def _stereo(depth: Path, photo_id: int, config: DatasetConfig) -> Float16[np.ndarray, "h w"]:
     """Return the depth that other photographs confirm: the nearest pixel's, as a mean over an edge lies in the air."""
     path = depth / DEPTH_MAPS / geometric_map_name(photo_id)
-    if not known or not path.is_file():
+    if not path.is_file():
         return np.zeros((config.height_px, config.width_px), np.float16)
     values = read_map(path)
     return fit(values.shape[1], values.shape[0], config.width_px, config.height_px).nearest(values).astype(np.float16)

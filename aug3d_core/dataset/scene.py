@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Float16, Int, UInt8
+from jaxtyping import Bool, Float, Float16, Int, UInt8
 
 from aug3d_core.dataset.by_view import ByView
 from aug3d_core.dataset.slab import Slab
@@ -23,6 +23,7 @@ else:
     Pictures = np.ndarray | ByView
 
 REAL, RENDERED = 0, 1
+LEAST_SHOWN = 128  # alpha from which a pixel counts
 SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`
 
 
@@ -51,6 +52,11 @@ class Scene:
 
     def __len__(self) -> int:
         return len(self.images)
+
+    def used(self, view: int) -> Bool[np.ndarray, "h w"] | None:
+        """Return which pixels of a view show something that may be used; None if all do."""
+        shown = self.alpha[view] >= LEAST_SHOWN
+        return None if shown.all() else shown
 
     @property
     def height_px(self) -> int:

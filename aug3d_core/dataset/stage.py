@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from aug3d_core.dataset.bounds import edge_rays
-from aug3d_core.dataset.by_view import OnDemand, joined
+from aug3d_core.dataset.by_view import joined
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.contact import save_contact_sheet
 from aug3d_core.dataset.files import LEAK_AUDIT, SCENE_ZARR
@@ -104,14 +104,13 @@ def _assemble(
     groups: dict[str, np.ndarray],
 ) -> Scene:
     n, m, k = len(real.images), len(rendered.images), groups["real"].shape[1]
-    opaque = OnDemand(n, real.images.shape[1:3], np.uint8, lambda view: np.full(real.images.shape[1:3], 255, np.uint8))
     train = real.splits == SPLITS.index("train")
     size_px = (config.width_px, config.height_px)
     scaffold = scaffold_depth(inputs["surface"], train, real.world_from_cam, real.intrinsics, size_px)
     groups = groups | {"rendered": n + np.arange(m).reshape(-1, k)}
     return Scene(
         images=joined(real.images, rendered.images),
-        alpha=joined(opaque, rendered.alpha),
+        alpha=joined(real.alpha, rendered.alpha),
         depth=joined(real.depth, rendered.depth),
         scaffold=joined(scaffold, rendered.depth),
         world_from_cam=np.concatenate([real.world_from_cam, rendered.world_from_cam]),

@@ -27,6 +27,7 @@ class DepthJob(Frozen):
     step: Literal["sweep", "compare"]
     views: Path
     images: Path
+    masks: Path  # of the views that have one
     raw: Path
     workspace: Path
     max_px: int

@@ -68,7 +68,7 @@ def _slab(reference: Photo, sources: list[Photo], task: PhotoTask, step_px: floa
     margin = _MARGIN * above / float(small.camera.intrinsics[0])
     found = sweep(small, others, [planes])
     alike = np.abs(cv2.medianBlur(found.depth, 5) - found.depth) < margin  # chance finds stand alone
-    certain = alike & (found.score > _CERTAIN)
+    certain = alike & (found.score > _CERTAIN) & (small.grey > 0)
     if not certain.any():
         return lowest, highest
     points = small.camera.rays[certain] * found.depth[certain, None]
@@ -83,6 +83,11 @@ def reduced(photo: Photo, by: int) -> Photo:
     width, height = max(1, camera.width // by), max(1, camera.height // by)
     scale = np.tile([width / camera.width, height / camera.height], 2)
     grey = cv2.resize(photo.grey, (width, height), interpolation=cv2.INTER_AREA)
+    if not photo.grey.all():  # what is masked is black: no mean is of it
+        whole = cv2.resize(
+            np.where(photo.grey > 0, np.uint8(255), np.uint8(0)), (width, height), None, 0, 0, cv2.INTER_AREA
+        )
+        grey[whole < 255] = 0
     return Photo(grey, replace(camera, intrinsics=camera.intrinsics * scale, width=width, height=height))
 
 

@@ -33,13 +33,15 @@ from aug3d_core.depth.patch_match import choose_engine, patch_match
 from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
 from aug3d_core.depth.sources import choose_sources
-from aug3d_core.depth.workspace import IMAGES, write_patch_match_list, write_workspace
+from aug3d_core.depth.workspace import IMAGES, mask_maps, write_patch_match_list, write_workspace
 from aug3d_core.geometry.depth_maps import read_map
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.views import Points, Tracks, Views
+from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
 
 OTHERS_PER_SOURCE = 2  # depth maps compared, for each photograph compared: far cheaper, and they confirm the rims
@@ -51,7 +53,7 @@ PICTURE_ROWS = 4
 def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> Outcome:
     """Find depth, keep what other photographs confirm, and fuse it; raises InputError if no photographs overlap."""
     sfm, workspace = inputs["sfm"], out / DENSE_WORKSPACE
-    views, images = Views.load(sfm / VIEWS), sfm / VIEW_IMAGES
+    views, images, masks = Views.load(sfm / VIEWS), sfm / VIEW_IMAGES, sfm / VIEW_MASKS
     points, tracks = Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     role = read_roles(inputs["grouping"], len(views))
     train, sources = role == "train", _sources(views, points, tracks, role, config)
@@ -62,13 +64,14 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
             "no photograph shares enough points with another for depth", "take photographs that overlap by 60 % or more"
         )
     sizes = depth_sizes(views, config.max_px)
-    write_workspace(workspace, views, sizes, points, tracks, images, usable)
+    write_workspace(workspace, views, sizes, points, tracks, images, masks, usable)
     write_patch_match_list(workspace, views, {view: chosen[: config.sources] for view, chosen in sources.items()})
     started = time.monotonic()
     planes: list[int] = []
     swept = 0
     if engine == "patch_match":
         patch_match(workspace)
+        mask_maps(workspace, views, masks, usable)
     else:
         tasks = _tasks(views, points, tracks, sources, config)
         (out / RAW).mkdir(exist_ok=True)
@@ -82,7 +85,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     baseline.save(out / BASELINE_FUSED)
     draw_sheet(out, images, views, evenly_spread(np.array(usable), PICTURE_ROWS).tolist())
     shutil.rmtree(workspace / IMAGES)
-    share = _consistent_share(out, views, usable)
+    share = _consistent_share(out, views, masks, usable)
     metrics: dict[str, Metric] = {
         "photos": len(usable),
         "engine": engine,
@@ -163,6 +166,7 @@ def _jobs(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfi
         step="sweep",
         views=sfm / VIEWS,
         images=sfm / VIEW_IMAGES,
+        masks=sfm / VIEW_MASKS,
         raw=workspace.parent / RAW,
         workspace=workspace,
         max_px=config.max_px,
@@ -173,9 +177,14 @@ def _jobs(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfi
     return [common.model_copy(update={"tasks": share}) for share in shares if share]
 
 
-def _consistent_share(out: Path, views: Views, chosen: list[int]) -> float:
-    maps = (read_map(out / DEPTH_MAPS / geometric_map_name(views.photo_id[view])) for view in chosen)
-    return float(np.mean([(depth > 0).mean() for depth in maps]))
+def _consistent_share(out: Path, views: Views, masks: Path, chosen: list[int]) -> float:
+    """Return the share of the pixels that are used which has a depth."""
+    shares = []
+    for photo_id in views.photo_id[chosen]:
+        depth = read_map(out / DEPTH_MAPS / geometric_map_name(photo_id))
+        used = used_pixels(masks / image_name(photo_id), depth.shape[::-1])
+        shares.append((depth > 0).mean() if used is None else (depth > 0).sum() / max(used.sum(), 1))
+    return float(np.mean(shares))
 
 
 def _notes(views: Views, sources: dict[int, list[int]], share: float, points: int) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ _FLAT = 4.0  # grey levels squared: variance below which a window has no texture
 
 @dataclass(frozen=True)
 class Photo:
-    """A grey image, 1 to 255 (0 stands for outside), and its camera."""
+    """A grey image, 1 to 255 (0 stands for outside, and for what is masked), and its camera."""
 
     grey: UInt8[np.ndarray, "h w"]
     camera: Camera

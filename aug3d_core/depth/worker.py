@@ -22,6 +22,7 @@ from aug3d_core.depth.normals import normals_of
 from aug3d_core.depth.search import Range, families_for, ranges_for, reduced
 from aug3d_core.depth.sweep import Photo, sweep
 from aug3d_core.geometry.depth_maps import read_map, write_map
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.atomic_file import write_synced
@@ -57,7 +58,9 @@ class _Share:
         camera = self.camera(view)
         if grey.shape != (camera.height, camera.width):
             grey = cv2.resize(grey, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
-        return Photo(np.maximum(grey, 1), camera)
+        grey = np.maximum(grey, 1)
+        used = used_pixels(self.job.masks / path.name, (camera.width, camera.height))
+        return Photo(grey if used is None else np.where(used, grey, np.uint8(0)), camera)
 
     def _raw_depth(self, view: int) -> DepthMap:
         return DepthMap(read_map(self.raw_path(view)), self.camera(view))
@@ -74,7 +77,7 @@ def sweep_photo(share: _Share, task: PhotoTask) -> int:
     depth, planes = _certain(reference, sources, ranges, step_px)
     for by in COARSER:
         coarse, _ = _certain(reduced(reference, by), [reduced(source, by) for source in sources], ranges, step_px)
-        depth = filled(depth, coarse)
+        depth = np.where(reference.grey > 0, filled(depth, coarse), np.float32(0))
     write_map(share.raw_path(task.view), depth)
     write_synced(told, str(planes).encode())
     return planes
@@ -84,7 +87,7 @@ def _certain(reference: Photo, sources: list[Photo], ranges: list[Range], step_p
     """Return the depth that is certain and hangs together, and the number of planes tried."""
     families = families_for(reference.camera, [source.camera for source in sources], ranges, step_px)
     found = sweep(reference, sources, families)
-    depth = np.where(found.score > LEAST_SCORE, found.depth, np.float32(0))
+    depth = np.where((found.score > LEAST_SCORE) & (reference.grey > 0), found.depth, np.float32(0))
     return without_islands(depth), sum(len(family.inverse_distance) for family in families)
 
 

@@ -13,7 +13,9 @@ from jaxtyping import Int
 from PIL import Image
 
 from aug3d_core.depth.cameras import camera_of
-from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS
+from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
+from aug3d_core.geometry.depth_maps import read_map, write_map
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 
@@ -28,9 +30,10 @@ def write_workspace(
     points: Points,
     tracks: Tracks,
     photos: Path,
+    masks: Path,
     chosen: list[int],
 ) -> None:
-    """Write images and sparse model of the chosen views, and empty folders for their maps."""
+    """Write images, black where they are masked, and sparse model of the chosen views, and empty folders for their maps."""
     for name in (
         IMAGES,
         SPARSE,
@@ -43,6 +46,9 @@ def write_workspace(
         name = image_name(views.photo_id[view])
         with Image.open(photos / name) as image:
             small = image.convert("RGB").resize(tuple(sizes[view].tolist()), Image.Resampling.BOX)
+        used = used_pixels(masks / name, small.size)
+        if used is not None:
+            small = Image.fromarray(np.where(used[..., None], np.asarray(small), np.uint8(0)))
         small.save(folder / IMAGES / name, compress_level=1)
     sparse_model(views, sizes, points, tracks, chosen).write(folder / SPARSE)
 
@@ -85,6 +91,18 @@ def sparse_model(
             point = tracks.point[seen[0]]
             model.add_point3D(points.xyz[point], track, points.rgb[point])
     return model
+
+
+def mask_maps(folder: Path, views: Views, masks: Path, chosen: list[int]) -> None:
+    """Take what is masked out of the depth and normal maps of the chosen views."""
+    for view in chosen:
+        name = geometric_map_name(views.photo_id[view])
+        depth = read_map(folder / WORKSPACE_DEPTH_MAPS / name)
+        used = used_pixels(masks / image_name(views.photo_id[view]), depth.shape[::-1])
+        if used is not None:
+            normals = read_map(folder / WORKSPACE_NORMAL_MAPS / name)
+            write_map(folder / WORKSPACE_DEPTH_MAPS / name, np.where(used, depth, np.float32(0)))
+            write_map(folder / WORKSPACE_NORMAL_MAPS / name, np.where(used[..., None], normals, np.float32(0)))
 
 
 def write_patch_match_list(folder: Path, views: Views, sources: dict[int, list[int]]) -> None:

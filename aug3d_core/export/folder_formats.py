@@ -17,13 +17,14 @@ import numpy as np
 from aug3d_core.export.colmap_text import write_model
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.geometry.camera_models import world_from_gl
+from aug3d_core.geometry.masks import save_mask, used_pixels
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import PHOTO_TABLE, image_name, read_photos
 from aug3d_core.poses.recognise import CLOUD, COLMAP, DTU, GLB, MAP, NERFSTUDIO, TRANSFORMS
 from aug3d_core.run.errors import StoreError, UsageError
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.store.record import Record
 
 FORMATS = (COLMAP, NERFSTUDIO)
@@ -31,13 +32,18 @@ IMAGES = "images"
 _MODEL = "sparse/0"
 _CLOUD = "sparse_pc.ply"
 _COPY = ".png"
+_MASKS = "masks"
 
 
 def read_of(record: Record) -> list[str]:
     """Return the files that `export` reads of an output of stage sfm or photos."""
     if record.stage == "photos":
         return [name for name in record.files if name == PHOTO_TABLE]
-    return [name for name in record.files if name in (VIEWS, POINTS, TRACKS) or name.startswith(f"{VIEW_IMAGES}/")]
+    return [
+        name
+        for name in record.files
+        if name in (VIEWS, POINTS, TRACKS) or name.startswith((f"{VIEW_IMAGES}/", f"{VIEW_MASKS}/"))
+    ]
 
 
 def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
@@ -63,7 +69,7 @@ def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
     if form == COLMAP:
         write_model(views, points, Tracks.load(sfm / TRACKS), names, folder / _MODEL)
     else:
-        _write_nerfstudio(views, points, names, folder)
+        _write_nerfstudio(views, points, names, _masks(sfm, views, names, folder), folder)
     return len(views)
 
 
@@ -79,10 +85,22 @@ def _without_spaces(names: Sequence[str]) -> list[str]:
     return plain
 
 
-def _write_nerfstudio(views: Views, points: Points, names: Sequence[str], folder: Path) -> None:
+def _masks(sfm: Path, views: Views, names: Sequence[str], folder: Path) -> bool:
+    """Write a mask of every photograph if any has one, as nerfstudio wants it, and say whether any has."""
+    found = [used_pixels(sfm / VIEW_MASKS / image_name(photo_id)) for photo_id in views.photo_id]
+    if all(used is None for used in found):
+        return False
+    for used, size, name in zip(found, views.size, names, strict=True):
+        save_mask(np.ones(size[::-1], bool) if used is None else used, folder / _MASKS / name)
+    return True
+
+
+def _write_nerfstudio(views: Views, points: Points, names: Sequence[str], masked: bool, folder: Path) -> None:
     poses = homogeneous(world_from_gl(views.cam_from_world))
     frames = [
-        {"file_path": f"{IMAGES}/{name}", "transform_matrix": pose.tolist(), **_camera(size, intrinsics)}
+        {"file_path": f"{IMAGES}/{name}"}
+        | ({"mask_path": f"{_MASKS}/{name}"} if masked else {})
+        | {"transform_matrix": pose.tolist(), **_camera(size, intrinsics)}
         for name, pose, size, intrinsics in zip(names, poses, views.size, views.intrinsics, strict=True)
     ]
     whole = {"camera_model": "OPENCV", "ply_file_path": _CLOUD, "frames": frames}

@@ -11,14 +11,14 @@ from jaxtyping import Float, Int, UInt8
 
 from aug3d_core.dataset.projection import ground_points, project
 from aug3d_core.dataset.rays import pixel_centres
-from aug3d_core.dataset.scene import Scene
+from aug3d_core.dataset.scene import LEAST_SHOWN, Scene
 from aug3d_core.judging.warped_answers import guided_blend, plane_sweep
 
 
 def cheap_answers(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
     """Return the target as each cheap answer has it, by the answer's name."""
     ranked = rank(scene, target, inputs)
-    mean = scene.images[inputs].reshape(-1, 3).mean(axis=0)
+    mean = _mean_colour(scene, inputs)
     return {
         "mean_colour": _round(np.broadcast_to(mean, scene.images[target].shape)),
         "nearest_copy": scene.images[ranked[0]],
@@ -44,12 +44,19 @@ def rank(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> Int[np.nda
 def ground_homography(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
     """Return the inputs' colours as they lie on the ground, the nearest's on top; their mean where none reaches."""
     ground, reached = ground_points(scene, target)
-    answer = np.tile(scene.images[inputs].reshape(-1, 3).mean(axis=0), (len(ground), 1))
+    answer = np.tile(_mean_colour(scene, inputs), (len(ground), 1))
     for view in rank(scene, target, inputs)[::-1]:
         xy_px, ahead = project(scene, view, ground)
         inside = ((xy_px >= 0) & (xy_px <= [scene.width_px, scene.height_px])).all(axis=1) & reached & ahead
+        inside[inside] = bilinear(scene.alpha[view][..., None], xy_px[inside])[:, 0] >= LEAST_SHOWN
         answer[inside] = bilinear(scene.images[view], xy_px[inside])
     return _round(answer.reshape(scene.images[target].shape))
+
+
+def _mean_colour(scene: Scene, inputs: Int[np.ndarray, " v"]) -> Float[np.ndarray, " 3"]:
+    """Return the mean of what inputs show."""
+    colours, shown = scene.images[inputs], scene.alpha[inputs] >= LEAST_SHOWN
+    return (colours.reshape(-1, 3) if shown.all() else colours[shown]).mean(axis=0)
 
 
 def _mesh(scene: Scene, target: int, mean: np.ndarray) -> UInt8[np.ndarray, "h w 3"]:

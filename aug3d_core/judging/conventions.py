@@ -26,6 +26,9 @@ SSIM: dict[str, Any] = {
     "data_range": PEAK,
 }
 FLIP = {"ppd": 67.0}  # pixels per degree of the eye: a screen 0.7 m away
+MASKED = (
+    "left out of every mean over pixels; where a window or a filter reaches it, the nearest used pixel stands there"
+)
 _DIGITS = 12
 
 
@@ -40,7 +43,13 @@ def conventions(scene: Scene) -> dict[str, Any]:
         "ssim": SSIM | {"over": "mean over pixels and channels"},
         "flip": FLIP | {"over": "mean over pixels", "range": "low dynamic range"},
         "mean": "over test views, each counting alike; best, low and average over test groups",
+        **({"masked": MASKED} if targets_masked(scene) else {}),
     }
+
+
+def targets_masked(scene: Scene) -> bool:
+    """Say whether a part of any test photograph is masked."""
+    return any(scene.used(int(view)) is not None for view in np.unique(scene.groups["test"][:, 0]))
 
 
 def digest(stated: dict[str, Any]) -> str:
@@ -49,7 +58,12 @@ def digest(stated: dict[str, Any]) -> str:
 
 
 def held_out_digest(scene: Scene) -> str:
-    """Digest of the pixels of the test photographs, whatever their order."""
+    """Digest of the pixels of the test photographs, and of which are used, whatever their order."""
     photos = np.unique(scene.groups["test"][:, 0])
-    each = sorted(hashlib.sha256(scene.images[view].tobytes()).hexdigest() for view in photos)
+    each = sorted(hashlib.sha256(_counted(scene, int(view))).hexdigest() for view in photos)
     return hashlib.sha256("".join(each).encode()).hexdigest()[:_DIGITS]
+
+
+def _counted(scene: Scene, view: int) -> bytes:
+    used, image = scene.used(view), scene.images[view]
+    return image.tobytes() if used is None else image[used].tobytes() + used.tobytes()

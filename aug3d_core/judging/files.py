@@ -14,6 +14,11 @@ def prediction_of(photo: str) -> str:
     return f"{COMPARED}/predicted_{photo}"
 
 
+def mask_of(photo: str) -> str:
+    """Return where the mask of a photograph is, at the size of its prediction; there is none where all of it is used."""
+    return f"{COMPARED}/mask_{photo}"
+
+
 def truth_of(photo: str) -> str:
     """Return where a photograph is, at the size of its prediction."""
     return f"{COMPARED}/{photo}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
 from aug3d_core.dataset.scene import Scene
@@ -15,6 +15,7 @@ from aug3d_core.judging.names import called
 
 LABEL_PX, GAP_PX = 16, 4
 FONT_PX = 12  # smaller ones lose the spaces between words
+STRIPE_PX = 4  # of the hatching of what is masked
 SMALL_PX = 160  # views that are narrower are shown twice as large
 ERROR_FULL = 64  # mean absolute error over channels that is drawn at full strength, 8-bit steps
 
@@ -33,12 +34,15 @@ def panel(
     """Draw one test view: a row of inputs and truth, a row of what the model says, a row of cheap answers."""
     truth = scene.images[target]
     rows = [
-        [*((f"input {i + 1}", scene.images[v]) for i, v in enumerate(inputs)), ("truth", truth)],
+        [
+            *((f"input {i + 1}", photograph(scene, v)) for i, v in enumerate(inputs)),
+            ("truth", photograph(scene, target)),
+        ],
         [
             (f"prediction {scores['psnr']:.1f} dB", view.colour),
             *((f"{called(name)} {scores[f'{name}_psnr']:.1f} dB", picture) for name, picture in view.parts.items()),
             *_depth(view),
-            ("error", error_colours(truth, view.colour)),
+            ("error", hatched(error_colours(truth, view.colour), scene.used(target))),
         ],
         [(f"{called(name)} {scores[f'{name}_psnr']:.1f} dB", image) for name, image in answers.items()],
     ]
@@ -55,10 +59,10 @@ def summary_panel(
         rows.append(
             [
                 (f"nearest input {scores['nearest_copy_psnr']:.1f}", answers["nearest_copy"]),
-                (f"truth, photo {scene.photo_id[target]}", truth),
+                (f"truth, photo {scene.photo_id[target]}", photograph(scene, target)),
                 (f"prediction {scores['psnr']:.1f} dB", view.colour),
                 *_depth(view),
-                ("error", error_colours(truth, view.colour)),
+                ("error", hatched(error_colours(truth, view.colour), scene.used(target))),
                 (f"homography {scores['ground_homography_psnr']:.1f}", answers["ground_homography"]),
                 (f"mesh {scores['mesh_render_psnr']:.1f}", answers["mesh_render"]),
                 (f"guided blend {scores['guided_blend_psnr']:.1f}", answers["guided_blend"]),
@@ -68,12 +72,28 @@ def summary_panel(
 
 
 def novel_panel(
-    scene: Scene, inputs: Int[np.ndarray, " v"], view: View, truth: UInt8[np.ndarray, "h w 3"] | None
+    scene: Scene, inputs: Int[np.ndarray, " v"], view: View, truth: int | None
 ) -> UInt8[np.ndarray, "H W 3"]:
-    """Draw a view that was asked for: a row of inputs, a row of what the model says, and the truth if there is one."""
+    """Draw a view that was asked for: a row of inputs, a row of what the model says, and the truth if a row of the scene is."""
     said = [("prediction", view.colour), *_depth(view)]
-    known = [] if truth is None else [("truth", truth), ("error", error_colours(truth, view.colour))]
-    return grid([[(f"input: photo {scene.photo_id[v]}", scene.images[v]) for v in inputs], said + known])
+    if truth is not None:
+        error = hatched(error_colours(scene.images[truth], view.colour), scene.used(truth))
+        said += [("truth", photograph(scene, truth)), ("error", error)]
+    return grid([[(f"input: photo {scene.photo_id[v]}", photograph(scene, v)) for v in inputs], said])
+
+
+def photograph(scene: Scene, view: int) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a view as it is shown to people: hatched where it is masked."""
+    return hatched(scene.images[view], scene.used(view))
+
+
+def hatched(picture: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"] | None) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a picture with grey stripes over what is masked."""
+    if used is None:
+        return picture
+    y, x = np.indices(used.shape)
+    stripes = np.where((x + y) // STRIPE_PX % 2, np.uint8(150), np.uint8(90))
+    return np.where(used[..., None], picture, stripes[..., None])
 
 
 def _depth(view: View) -> list[tuple[str, UInt8[np.ndarray, "h w 3"]]]:

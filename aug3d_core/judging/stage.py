@@ -16,12 +16,22 @@ from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
+from aug3d_core.geometry.masks import save_mask
 from aug3d_core.heads import saved
 from aug3d_core.heads.head import Head
 from aug3d_core.judging import flythrough, panels, video
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
-from aug3d_core.judging.files import COMPARED, CONVENTIONS, FLYTHROUGH, PANELS, TEST_VIEWS, prediction_of, truth_of
+from aug3d_core.judging.files import (
+    COMPARED,
+    CONVENTIONS,
+    FLYTHROUGH,
+    PANELS,
+    TEST_VIEWS,
+    mask_of,
+    prediction_of,
+    truth_of,
+)
 from aug3d_core.judging.names import called, ends_of
 from aug3d_core.judging.scores import Judged, evaluate
 from aug3d_core.judging.summary import CHEAP, summary
@@ -112,7 +122,9 @@ def _draw(
         name = f"{PANELS}/{photo}"
         panels.save(panels.panel(scene, *one), out / name)
         panels.save(judged.view.colour, out / prediction_of(photo))
-        panels.save(scene.images[judged.target], out / truth_of(photo))
+        panels.save(panels.photograph(scene, judged.target), out / truth_of(photo))
+        if (used := scene.used(judged.target)) is not None:
+            save_mask(used, out / mask_of(photo))
         pictures[f"Photo {row['photo_id']}: {row['psnr']:.1f} dB"] = name
         shown.append(one)
     panels.save(panels.summary_panel(scene, shown), out / PANELS / SUMMARY)

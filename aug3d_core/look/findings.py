@@ -121,6 +121,20 @@ def _unusable(survey: Survey) -> Iterator[Finding]:
         )
 
 
+def _masks(survey: Survey) -> Iterator[Finding]:
+    if survey.masked:
+        yield Finding(
+            "note", f"{_photographs(len(survey.masked))} have a mask, which this look does not heed.", "Nothing."
+        )
+    if survey.stray_masks:
+        yield Finding(
+            "warn",
+            f"{len(survey.stray_masks)} masks lie beside no photograph and mask nothing.",
+            "Name the mask of IMG_1.JPG IMG_1_mask.png, and put it beside it.",
+            tuple(survey.stray_masks),
+        )
+
+
 def _blur(survey: Survey) -> Iterator[Finding]:
     if (soft := blurred(survey)).any():
         yield Finding(
@@ -323,6 +337,5 @@ def _control(survey: Survey) -> Iterator[Finding]:
 
 
 _RULES: Sequence[Callable[[Survey], Iterator[Finding]]] = (
-    _count, _unusable, _overlap, _lines, _gaps, _blur, _exposure, _positions, _cameras, _times,
-    _control,
+    _count, _unusable, _masks, _overlap, _lines, _gaps, _blur, _exposure, _positions, _cameras, _times, _control,
 )  # fmt: skip

@@ -24,7 +24,8 @@ class Survey:
     """photos: those that can be used, in the order of capture. steps: from each to the next.
 
     unusable: why others cannot be used, by name. same: names of later photographs with the same bytes as an earlier one.
-    ignored: files that are no photographs. ground: None without positions. control: None without a list of control points.
+    masked: photographs that have a mask. stray_masks: masks beside no photograph. ignored: files that are neither.
+    ground: None without positions. control: None without a list of control points.
     """
 
     folder: Path
@@ -32,6 +33,8 @@ class Survey:
     steps: Sequence[Step]
     unusable: Mapping[str, str]
     same: Mapping[str, str]
+    masked: Sequence[str]
+    stray_masks: Sequence[str]
     ignored: int
     ground: Ground | None
     control: Listed | None
@@ -55,5 +58,7 @@ def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey
     same = {one.name: first[one.sha256] for one in seen if first.setdefault(one.sha256, one.name) != one.name}
     photos = capture_order([one for one in seen if one.name not in same])
     steps = steps_between(photos)
+    masked = [photo.name for photo in photos if photo.name in found.masks]
+    ground = ground_of(photos, steps)
     control = listed_points(folder / found.control, photos) if found.control and photos else None
-    return Survey(folder, photos, steps, unusable, same, found.ignored, ground_of(photos, steps), control)
+    return Survey(folder, photos, steps, unusable, same, masked, found.stray_masks, found.ignored, ground, control)

@@ -62,12 +62,12 @@ def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: 
         view = head.predict(scene, int(target), given)
         answers = [view.colour, *(answer(scene, int(target), given) for answer in CHEAP.values())]
         truth = scene.images[target]
-        scores.append([psnr(truth, answer) for answer in answers])
+        scores.append([psnr(truth, answer, scene.used(int(target))) for answer in answers])
         name = f"photo_{scene.photo_id[target]:06d}.png"
         panels.save(view.colour, out / PREVIEW_VIEWS / name)
         rows.append(
             [
-                (f"photo {scene.photo_id[target]}", truth),
+                (f"photo {scene.photo_id[target]}", panels.photograph(scene, int(target))),
                 (f"prediction {scores[-1][0]:.1f} dB", view.colour),
                 *_depth(view),
                 *(

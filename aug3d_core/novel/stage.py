@@ -39,7 +39,7 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
     progress(0, 1, "view")
     predicted = head.predict(view.scene, view.target, view.inputs)
     progress(1, 1, "view")
-    truth = None if config.like is None else scene.images[row_of(scene, config.like)]
+    truth = None if config.like is None else row_of(view.scene, config.like)
     panels.save(_with_alpha(predicted), out / PREDICTION)
     if predicted.depth is not None:
         panels.save(panels.depth_colours(predicted.depth), out / PREDICTION_DEPTH)
@@ -61,7 +61,7 @@ def _with_alpha(view: View) -> UInt8[np.ndarray, "h w c"]:
     return np.dstack([view.colour, np.where(view.seen, 255, 0).astype(np.uint8)])
 
 
-def _metrics(view: NovelView, predicted: View, truth: np.ndarray | None) -> dict[str, Metric]:
+def _metrics(view: NovelView, predicted: View, truth: int | None) -> dict[str, Metric]:
     figures = {"ground_seen_share": view.ground_seen_share}
     if predicted.seen is not None:
         figures |= {"seen_share": float(predicted.seen.mean())}
@@ -69,7 +69,8 @@ def _metrics(view: NovelView, predicted: View, truth: np.ndarray | None) -> dict
         near, far = np.quantile(predicted.depth, [0.01, 0.99])
         figures |= {"depth_near": float(near), "depth_far": float(far)}
     if truth is not None:
-        figures |= {"psnr": psnr(truth, predicted.colour), "ssim": ssim(truth, predicted.colour)}
+        compared = (view.scene.images[truth], predicted.colour, view.scene.used(truth))
+        figures |= {"psnr": psnr(*compared), "ssim": ssim(*compared)}
     return {"inputs": len(view.inputs), **{name: round(value, 4) for name, value in figures.items()}}
 
 

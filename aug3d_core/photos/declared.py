@@ -18,8 +18,8 @@ PHOTOS = Stage(
     metrics=declared(
         lower="rejected",
         neither=(
-            "photos redundant ignored_files with_gps with_focal cameras megapixels_median sharpness_median "
-            "sharpness_min"
+            "photos redundant ignored_files masked masked_share with_gps with_focal cameras megapixels_median "
+            "sharpness_median sharpness_min"
         ),
     ),
     decidable=("max_px", "least_motion"),

@@ -22,12 +22,13 @@ class Found:
     """What a folder holds; paths are relative to it.
 
     names: photographs, in natural order. ignored: how many other files. masks: photographs that have one, and its path.
-    control: the list of ground control points, "" for none.
+    stray_masks: those beside which there is no photograph. control: the list of ground control points, "" for none.
     """
 
     names: tuple[str, ...]
     ignored: int
     masks: Mapping[str, str]
+    stray_masks: tuple[str, ...]
     control: str
 
 
@@ -61,8 +62,9 @@ def find_photos(folder: Path) -> Found:
                 names.append(name)
     masked = {name: masks[stem] for name in names if (stem := name[: -len(PurePosixPath(name).suffix)]) in masks}
     control = CONTROL_LIST if (folder / CONTROL_LIST).is_file() else ""
-    ignored = others + len(masks) - len(set(masked.values())) - bool(control)
-    return Found(tuple(sorted(names, key=natural_key)), ignored, masked, control)
+    stray = tuple(sorted(set(masks.values()) - set(masked.values()), key=natural_key))
+    ignored = others + len(stray) - bool(control)
+    return Found(tuple(sorted(names, key=natural_key)), ignored, masked, stray, control)
 
 
 def _refuse(error: OSError) -> None:

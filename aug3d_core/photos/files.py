@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 PHOTO_TABLE = "photos.parquet"
 REJECTED_TABLE = "rejected.parquet"
 PHOTO_IMAGES = "images"
+PHOTO_MASKS = "masks"  # of the photographs that have one
 CONTACT_SHEET = "contact_sheet.jpg"
 CONTROL_TABLE = "control.parquet"  # there if the folder has ground control points
 REDUNDANT = "redundant"  # begins the reason of a photograph that could be used, and need not
@@ -19,6 +20,11 @@ REDUNDANT = "redundant"  # begins the reason of a photograph that could be used,
 def image_name(photo_id: SupportsIndex) -> str:
     """Name of a photograph's file inside `images/`, in any stage."""
     return f"{photo_id:06d}.png"
+
+
+def mask_path(folder: Path, photo_id: SupportsIndex) -> Path:
+    """Path of a photograph's mask in the output of a stage that writes masks; there is none where it is used whole."""
+    return folder / PHOTO_MASKS / image_name(photo_id)
 
 
 def read_photos(folder: Path) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import statistics
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol, TypeVar, runtime_checkable
@@ -19,6 +19,7 @@ from aug3d_core.photos.decode import Decoded, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
 from aug3d_core.photos.exif import Exif
 from aug3d_core.photos.files import CONTACT_SHEET, CONTROL_TABLE, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
+from aug3d_core.photos.masks import mask_notes, write_masks
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
 from aug3d_core.run.errors import InputError
@@ -40,11 +41,12 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     _require_enough(folder, found, config, usable, rejected)
     usable, redundant = _distinct(capture_order(usable), config)
     files = [photo.copy.rename(out / PHOTO_IMAGES / image_name(i)) for i, photo in enumerate(usable)]
+    masked = write_masks(folder, found.masks, usable, out)
     table = photo_table(usable)
     table.to_parquet(out / PHOTO_TABLE)
     rejected_table(rejected + redundant).to_parquet(out / REJECTED_TABLE)
     contact_sheet(files, out / CONTACT_SHEET)
-    outcome = _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])), config)
+    outcome = _outcome(usable, rejected, len(redundant), found, len(set(table["camera"])), masked, config)
     return outcome.model_copy(update={"notes": outcome.notes + _control(folder, found, table, out)})
 
 
@@ -149,18 +151,27 @@ def _require_enough(
 
 
 def _outcome(
-    usable: list[Decoded], rejected: Rejected, redundant: int, found: Found, cameras: int, config: PhotosConfig
+    usable: list[Decoded],
+    rejected: Rejected,
+    redundant: int,
+    found: Found,
+    cameras: int,
+    masked: Mapping[str, float],
+    config: PhotosConfig,
 ) -> Outcome:
     notes = [f"{len(rejected)} photographs left out: {REJECTED_TABLE} says why"] if rejected else []
     if redundant:
         notes.append(f"{redundant} photographs show what the one before them shows and are left out")
     if 0 < (untimed := sum(photo.exif.time is None for photo in usable)) < len(usable):
         notes.append(f"{untimed} photographs have no time: the capture order is the order of names")
+    notes += mask_notes(found, masked)
     metrics = {
         "photos": len(usable),
         "rejected": len(rejected),
         "redundant": redundant,
         "ignored_files": found.ignored,
+        "masked": len(masked),
+        "masked_share": round(sum(masked.values()) / len(usable), 4),
         "with_gps": sum(photo.exif.lat_deg == photo.exif.lat_deg for photo in usable),
         "with_focal": sum(photo.exif.focal_source != "none" for photo in usable),
         "cameras": cameras,

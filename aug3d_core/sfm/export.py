@@ -12,6 +12,7 @@ import pycolmap
 from jaxtyping import Float
 from PIL import Image
 
+from aug3d_core.geometry.masks import LEAST_USED, save_mask, used_pixels
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
@@ -93,6 +94,16 @@ def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path, k
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
         undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
         Image.fromarray(undistorted.to_array()).save(out / image_name(photo_id(image)), compress_level=1)
+
+
+def write_undistorted_masks(model: pycolmap.Reconstruction, masks: Path, out: Path) -> None:
+    """Write the undistorted mask of every placed photograph that has one; what lies outside the photograph is masked."""
+    for image in registered(model):
+        used = used_pixels(masks / image.name)
+        if used is not None:
+            grey = pycolmap.Bitmap.from_array(np.where(used, np.uint8(255), np.uint8(0)))
+            undistorted, _ = pycolmap.undistort_image(_options(), grey, model.camera(image.camera_id))
+            save_mask(undistorted.to_array() >= LEAST_USED, out / image_name(photo_id(image)))
 
 
 def _options() -> pycolmap.UndistortCameraOptions:

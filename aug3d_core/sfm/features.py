@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from contextlib import closing
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -59,12 +61,16 @@ def make_database(photos: pd.DataFrame, images: Path, database: Path) -> bool:
 def extract(
     photos: pd.DataFrame,
     images: Path,
+    masks: Path,
     database: Path,
     config: MatchingConfig,
     progress: Progress,
     ordered: Order = list,
 ) -> None:
-    """Extract SIFT features of every photograph that has none yet, a shard of photographs after the other."""
+    """Extract SIFT features of every photograph that has none yet, a shard of photographs after the other.
+
+    masks: folder of the masks of photographs that have one; a feature whose middle is masked is left out.
+    """
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = threads()
     options.sift.max_num_features = config.max_features
@@ -79,9 +85,15 @@ def extract(
             continue
         shard = Shard.of_photos(database.parent / SHARDS, [ids[photo] for photo in chunk])
         if not shard.take(database):
-            pycolmap.extract_features(
-                database, images, [image_name(photo) for photo in new], extraction_options=options
-            )
+            names = [image_name(photo) for photo in new]
+            masked = [name for name in names if (masks / name).exists()]
+            if plain := [name for name in names if name not in masked]:
+                pycolmap.extract_features(database, images, plain, extraction_options=options)
+            if masked:  # apart: COLMAP refuses photographs whose mask is missing where it is given any
+                with _masking(masks, masked) as reader:
+                    pycolmap.extract_features(
+                        database, images, masked, reader_options=reader, extraction_options=options
+                    )
             shard.give(database)
         done += len(new)
         progress(done, len(photos), "photographs searched for features")
@@ -161,6 +173,17 @@ def _sound(database: Path) -> bool:
 def _delete(database: Path) -> None:
     for end in ("", "-journal", "-wal", "-shm"):
         database.with_name(database.name + end).unlink(missing_ok=True)
+
+
+@contextmanager
+def _masking(masks: Path, names: Sequence[str]) -> Iterator[pycolmap.ImageReaderOptions]:
+    """Yield options that name the masks of photographs as COLMAP looks for them: a name with another `.png` added."""
+    options = pycolmap.ImageReaderOptions()
+    with tempfile.TemporaryDirectory() as folder:
+        for name in names:
+            (Path(folder) / f"{name}.png").symlink_to((masks / name).absolute())
+        options.mask_path = folder
+        yield options
 
 
 def _reader(same_camera: pd.DataFrame) -> pycolmap.ImageReaderOptions:

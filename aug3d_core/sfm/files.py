@@ -6,6 +6,7 @@ FEATURES = "features.db"
 MATCHING_TABLE = "matching.parquet"
 VIEWS = "views.npz"
 VIEW_IMAGES = "images"
+VIEW_MASKS = "masks"  # of the views that have one, beside their images
 POINTS = "points.npz"
 TRACKS = "tracks.npz"
 WORLD = "world.json"

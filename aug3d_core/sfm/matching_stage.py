@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
-from aug3d_core.photos.files import PHOTO_IMAGES, read_photos
+from aug3d_core.photos.files import PHOTO_IMAGES, PHOTO_MASKS, read_photos
 from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import Inputs, Metric, Order, Outcome, Progress, from_elsewhere
 from aug3d_core.sfm import features, reuse
@@ -87,8 +87,9 @@ class _Found:
 def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress, ordered: Order) -> _Found:
     """Fill the database with features, and with matches of the pairs that are worth it."""
     pycolmap.logging.minloglevel = 1
-    photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
-    image_sha256 = reuse.digests(photos, images)
+    photos = read_photos(inputs["photos"])
+    images, masks = inputs["photos"] / PHOTO_IMAGES, inputs["photos"] / PHOTO_MASKS
+    image_sha256 = reuse.digests(photos, images, masks)
     clock = _Clock()
     (out / UNSORTED / features.SHARDS).mkdir(parents=True, exist_ok=True)
     database = out / UNSORTED / FEATURES
@@ -101,7 +102,7 @@ def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress,
     if earlier:
         reuse.copy_features(earlier, database)
         reused = earlier.known
-    features.extract(photos, images, database, config, progress, ordered)
+    features.extract(photos, images, masks, database, config, progress, ordered)
     extract_seconds, _ = clock.lap()
     look = LargestFeatures(photos, database, config.seed, progress)
     choice = choose_pairs(photos, config, look)

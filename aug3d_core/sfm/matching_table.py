@@ -15,7 +15,7 @@ from aug3d_core.sfm.files import MATCHING_TABLE
 def matching_table(photos: pd.DataFrame, image_sha256: list[str], database: Path) -> pd.DataFrame:
     """Return `photo_id`, `sha256`, `features`, `tried_pairs` (compared), `matched_pairs` (verified) and `image_sha256`.
 
-    `sha256` is that of the user's file, `image_sha256` that of the working copy.
+    `sha256` is that of the user's file, `image_sha256` that of the working copy and its mask.
     """
     with pycolmap.Database.open(database) as opened:
         image_id = {image.name: image.image_id for image in opened.read_all_images()}

@@ -1,6 +1,6 @@
 """Copy features and matches of known photographs from an earlier database, so that only what is new is computed.
 
-A photograph is known by the digest of its working copy, which is what features are searched in. The result is what computing
+A photograph is known by the digest of its working copy and mask, in which features are searched. The result is what computing
 everything again would give: matches depend on their two photographs alone, and a geometry, found by seeded RANSAC, also on
 the pair's order and its cameras. Where one of these changed, the matches are copied and the geometry is left to be found.
 """
@@ -38,10 +38,13 @@ class Earlier:
         return self.was >= 0
 
 
-def digests(photos: pd.DataFrame, images: Path) -> list[str]:
-    """Return the SHA-256 of each photograph's working copy."""
+def digests(photos: pd.DataFrame, images: Path, masks: Path) -> list[str]:
+    """Return the SHA-256 of each photograph's working copy, followed by its mask where it has one."""
     names = (image_name(photo_id) for photo_id in photos["photo_id"])
-    return [hashlib.sha256((images / name).read_bytes()).hexdigest() for name in names]
+    both = ((images / name, masks / name) for name in names)
+    return [
+        hashlib.sha256(b"".join(file.read_bytes() for file in files if file.exists())).hexdigest() for files in both
+    ]
 
 
 def best_earlier(image_sha256: list[str], folder: Path | None, scratch: Path) -> Earlier | None:

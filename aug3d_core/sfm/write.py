@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.transforms import centres
+from aug3d_core.photos.files import PHOTO_MASKS
 from aug3d_core.run.stage import Metric
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align, align_to_control
@@ -29,6 +30,7 @@ from aug3d_core.sfm.files import (
     SFM_MAP,
     TRACKS,
     VIEW_IMAGES,
+    VIEW_MASKS,
     VIEWS,
     WORLD,
 )
@@ -96,12 +98,13 @@ def write_outputs(
     """Write the model, which is in the world, as arrays, undistorted images, COLMAP files, records and a map.
 
     arrays: what the model holds. others: reconstructions of further photographs, each in a frame of its own. images: folder
-    of the photographs' working copies. known: undistorted images that exist already, by photo id.
+    of the photographs' working copies, beside that of their masks. known: undistorted images that exist already, by photo id.
     """
     arrays.views.save(out / VIEWS)
     arrays.points.save(out / POINTS)
     arrays.tracks.save(out / TRACKS)
     export.write_undistorted(model, images, out / VIEW_IMAGES, known or {})
+    export.write_undistorted_masks(model, images.with_name(PHOTO_MASKS), out / VIEW_MASKS)
     folders = [COLMAP_MODEL, *(f"{OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
     for each, folder in zip([model, *others], folders, strict=True):
         (out / folder).mkdir(parents=True, exist_ok=True)

@@ -75,6 +75,7 @@ def build(
     views: Views,
     chosen: Int[np.ndarray, " m"],
     images: Path,
+    masks: Path,
     config: SurfaceConfig,
     clock: Clock,
     tick: Callable[[], None],
@@ -100,7 +101,7 @@ def build(
         affordable = float(np.sqrt(triangle_areas(coarse.shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
         detail = max(sampling, affordable)
         shape = split_to(coarse.shape, detail, config.vertex_budget)
-    photographs = Photographs(views, chosen, images, shape, detail)
+    photographs = Photographs(views, chosen, images, masks, shape, detail)
     with clock.step("exposure"):
         photographs.even_out(tracks)
     with clock.step("vertex colours"):

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Hits, Raycaster, Render
 from aug3d_core.geometry.textured import TexturedMesh
@@ -31,22 +32,27 @@ class Comparison:
     photo: UInt8[np.ndarray, "h w 3"]
     render: UInt8[np.ndarray, "h w 3"]
     alpha: UInt8[np.ndarray, "h w"]
+    used: Bool[np.ndarray, "h w"]  # of the photo: not masked
+
+    @property
+    def covered(self) -> Bool[np.ndarray, "h w"]:
+        """The pixels that the mesh covers, of those that are used."""
+        return (self.alpha >= COVERED) & self.used
 
     @property
     def covered_share(self) -> float:
-        """Share of pixels that the mesh covers."""
-        return float((self.alpha >= COVERED).mean())
+        """Share of the used pixels that the mesh covers; NaN where none is used."""
+        return float(self.covered.sum() / self.used.sum()) if self.used.any() else float("nan")
 
     @property
     def psnr(self) -> float:
         """PSNR (dB) over covered pixels; NaN where none is."""
-        covered = self.alpha >= COVERED
-        return _psnr(self.photo[covered], self.render[covered])
+        return _psnr(self.photo[self.covered], self.render[self.covered])
 
     @property
     def flat_psnr(self) -> float:
         """PSNR (dB) of the photo's own mean colour over the same pixels: a render worse than that shows nothing right."""
-        photo = self.photo[self.alpha >= COVERED]
+        photo = self.photo[self.covered]
         return _psnr(photo, photo.mean(axis=0, keepdims=True) if len(photo) else photo)
 
 
@@ -61,14 +67,15 @@ def rgba(render: Render) -> Image.Image:
     return Image.fromarray(np.dstack([render.rgb, render.alpha]), "RGBA")
 
 
-def compare(photo: Path, render: Image.Image, longest_px: int) -> Comparison:
-    """Reduce a photo and the render at its pose (RGBA) by averaging, to at most `longest_px`."""
+def compare(photo: Path, render: Image.Image, longest_px: int, mask: Path | None = None) -> Comparison:
+    """Reduce a photo and the render at its pose (RGBA) by averaging, to at most `longest_px`; the mask need not exist."""
     scale = min(1.0, longest_px / max(render.size))
     size = (max(1, round(render.width * scale)), max(1, round(render.height * scale)))
     with Image.open(photo) as image:
         truth = np.asarray(image.convert("RGB").resize(size, Image.Resampling.BOX))
     small = np.asarray(render.resize(size, Image.Resampling.BOX))
-    return Comparison(truth, small[..., :3], small[..., 3])
+    used = None if mask is None else used_pixels(mask, size)
+    return Comparison(truth, small[..., :3], small[..., 3], np.ones(truth.shape[:2], bool) if used is None else used)
 
 
 def render_views(
@@ -88,11 +95,11 @@ def _exposed(render: Render, gain: Float[np.ndarray, " 3"]) -> Render:
 
 
 def compare_views(
-    images: Path, views: Views, chosen: list[int], renders: list[Image.Image], px: int
+    images: Path, masks: Path, views: Views, chosen: list[int], renders: list[Image.Image], px: int
 ) -> list[Comparison]:
-    """Compare renders with the photos of the same views."""
+    """Compare renders with what is used of the photos of the same views."""
     return [
-        compare(images / image_name(views.photo_id[view]), render, px)
+        compare(images / image_name(views.photo_id[view]), render, px, masks / image_name(views.photo_id[view]))
         for view, render in zip(chosen, renders, strict=True)
     ]
 

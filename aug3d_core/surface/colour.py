@@ -17,6 +17,7 @@ from PIL import Image
 from scipy import sparse
 from scipy.ndimage import map_coordinates
 
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.geometry.views import Tracks, Views
@@ -30,6 +31,7 @@ BORDER_FADE = 0.05  # of a photo's shorter side: a photo that ended at full weig
 FILL_ROUNDS = 6  # edges over which colour may creep into surface that no photo sees; the rest has no evidence
 EXPOSURE_PX = 4  # averaged over at a matched point
 BLOCK = 1024  # places
+_NO_PART = 1e-3  # of a sample: rounding
 
 
 class Places:
@@ -76,9 +78,18 @@ class Seen:
 class Photographs:
     """The photographs that may colour a surface, what they see of it, and how their exposures differ."""
 
-    def __init__(self, views: Views, chosen: Int[np.ndarray, " m"], images: Path, shape: Shape, spacing: float) -> None:
+    def __init__(
+        self,
+        views: Views,
+        chosen: Int[np.ndarray, " m"],
+        images: Path,
+        masks: Path,
+        shape: Shape,
+        spacing: float,
+    ) -> None:
         """`spacing` (world units) is the size of the detail to be coloured, and what counts as touching the surface."""
-        self._views, self._chosen, self._images, self._spacing = views, chosen, images, spacing
+        self._views, self._chosen, self._spacing = views, chosen, spacing
+        self._images, self._masks = images, masks
         self._caster = Raycaster(shape.xyz, shape.triangles)
         self.gains: Float[np.ndarray, "m 3"] = np.ones((len(chosen), 3))
 
@@ -91,8 +102,9 @@ class Photographs:
         point, photo, rgb = [], [], []
         for number, view in enumerate(self._chosen):
             seen = np.flatnonzero(tracks.view == view)
-            with Image.open(self._images / image_name(self._views.photo_id[view])) as image:
-                rgb.append(_sample(image, tracks.xy[seen], EXPOSURE_PX))
+            colours, usable = self._sample(view, tracks.xy[seen], EXPOSURE_PX)
+            seen = seen[usable]
+            rgb.append(colours[usable])
             point.append(tracks.point[seen])
             photo.append(np.full(len(seen), number))
         self.gains = exposure_gains(
@@ -115,9 +127,19 @@ class Photographs:
             place, xy, score = self._sees(places, view)
             rgb = np.zeros((0, 3))
             if len(place):
-                with Image.open(self._images / image_name(self._views.photo_id[view])) as image:
-                    rgb = _sample(image, xy, self._spacing * np.sqrt(np.median(score)))
+                rgb, usable = self._sample(view, xy, self._spacing * np.sqrt(np.median(score)))
+                place, score, rgb = place[usable], score[usable], rgb[usable]
             yield Seen(place, score, rgb)
+
+    def _sample(
+        self, view: int, xy: Float[np.ndarray, "s 2"], pixels: float
+    ) -> tuple[Float[np.ndarray, "s 3"], Bool[np.ndarray, " s"]]:
+        """Return colours (0 to 255) of a view's image at places in it (px), averaged over `pixels`, and which may be used."""
+        name = image_name(self._views.photo_id[view])
+        used = used_pixels(self._masks / name)
+        with Image.open(self._images / name) as image:
+            rgb = _sample(image, xy, pixels)
+        return rgb, np.ones(len(xy), bool) if used is None else _unmixed(used, xy, pixels)
 
     def _sees(
         self, places: Places, view: int
@@ -172,6 +194,15 @@ def _sample(image: Image.Image, xy: Float[np.ndarray, "s 2"], pixels: float) -> 
     grid = np.asarray(image.convert("RGB").reduce(factor), np.float32)
     rows_columns = (xy[:, ::-1] / factor - 0.5).T
     return np.stack([map_coordinates(grid[..., c], rows_columns, order=1, mode="nearest") for c in range(3)], axis=1)
+
+
+def _unmixed(used: Bool[np.ndarray, "h w"], xy: Float[np.ndarray, "s 2"], pixels: float) -> Bool[np.ndarray, " s"]:
+    """Tell which of the samples that `_sample` takes have no part of what is masked."""
+    factor = max(1, round(pixels))
+    masked = Image.fromarray(np.where(used, np.uint8(0), np.uint8(255))).convert("F").reduce(factor)
+    grid = (np.asarray(masked) > 0).astype(np.float32)
+    rows_columns = (xy[:, ::-1] / factor - 0.5).T
+    return map_coordinates(grid, rows_columns, order=1, mode="nearest") < _NO_PART
 
 
 def _insert(scores: np.ndarray, colours: np.ndarray, place: np.ndarray, score: np.ndarray, rgb: np.ndarray) -> None:

@@ -25,7 +25,7 @@ from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
-from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
 from aug3d_core.surface import checks
 from aug3d_core.surface.build import Built, Clock, build
@@ -59,6 +59,7 @@ class _Scene:
     tracks: Tracks
     role: np.ndarray
     images: Path
+    masks: Path
     config: SurfaceConfig
 
     def having(self, *roles: str) -> Int[np.ndarray, " m"]:
@@ -74,6 +75,7 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
         Tracks.load(inputs["sfm"] / TRACKS),
         read_roles(inputs["grouping"], len(views)),
         inputs["sfm"] / VIEW_IMAGES,
+        inputs["sfm"] / VIEW_MASKS,
         config,
     )
     train, given, targets = scene.having("train"), scene.having("train", "gap", "support"), scene.having("target")
@@ -128,7 +130,9 @@ def _counter(total: int, progress: Progress) -> Callable[[], None]:
 
 
 def _build(scene: _Scene, fused: Path, chosen: np.ndarray, clock: Clock, tick: Callable[[], None]) -> Built:
-    return build(Fused.load(fused), scene.tracks, scene.views, chosen, scene.images, scene.config, clock, tick)
+    return build(
+        Fused.load(fused), scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick
+    )
 
 
 def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:
@@ -185,7 +189,7 @@ def _compare(scene: _Scene, targets: np.ndarray, known: np.ndarray, renders: lis
     figures: dict[str, Metric] = {}
     for prefix, chosen, shown in (("", known, renders[len(targets) :]), ("target_", targets, renders[: len(targets)])):
         for suffix, px in (("", scene.config.check_px), ("_full", FULL_PX)):
-            compared = checks.compare_views(scene.images, scene.views, list(chosen), shown, px)
+            compared = checks.compare_views(scene.images, scene.masks, scene.views, list(chosen), shown, px)
             figures |= {
                 f"{prefix}render_psnr{suffix}": checks.mean_finite([c.psnr for c in compared]),
                 f"{prefix}covered_share{suffix}": checks.mean_finite([c.covered_share for c in compared]),

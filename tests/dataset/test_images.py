@@ -56,3 +56,34 @@ def test_values_that_must_not_be_mixed_are_not():
     crop = fit(43, 31, 12, 8)
     small = crop.nearest(values)
     assert small.shape == (8, 12) and set(np.unique(small)) <= {0.0, 40.0, 50.0}
+
+
+def test_nothing_of_what_is_masked_is_left_in_a_packed_photograph():
+    """Whatever stands there, the packed photograph is the same; and where nothing is masked, as without a mask."""
+    rng = np.random.default_rng(0)
+    rgb, crop = rng.integers(0, 256, (37, 50, 3), dtype=np.uint8), fit(50, 37, 11, 7)
+    used = np.ones((37, 50), bool)
+    used[9:30, 13:41] = False
+    other = rgb.copy()
+    other[~used] = rng.integers(0, 256, ((~used).sum(), 3), dtype=np.uint8)
+    masked = crop.masked(rgb, used)
+    np.testing.assert_array_equal(masked, crop.masked(other, used))
+    assert not np.array_equal(crop.colour(rgb), crop.colour(other))
+    np.testing.assert_array_equal(crop.masked(rgb, np.ones_like(used)), crop.colour(rgb))
+    far = np.ones((7, 11), bool)
+    far[1:7, 2:10] = False
+    np.testing.assert_array_equal(masked[far], crop.colour(rgb)[far])
+
+
+def test_a_size_that_rounding_makes_too_wide_is_packed():
+    assert fit(50, 37, 11, 7).colour(np.full((37, 50, 3), 9, np.uint8)).tolist() == [[[9] * 3] * 11] * 7
+
+
+def test_a_pixel_is_used_of_which_half_is_used():
+    used = np.zeros((4, 8), bool)
+    used[:, 0], used[:2, 2:4], used[0, 4:6] = True, True, True
+    rgb = np.zeros((4, 8, 3), np.uint8)
+    rgb[used] = 90
+    crop = fit(8, 4, 4, 2)
+    assert crop.alpha(used).tolist() == [[255, 255, 255, 0], [255, 0, 0, 0]]
+    assert (crop.masked(rgb, used) == 90).all(), "a mean over what is used alone, and the nearest of those"

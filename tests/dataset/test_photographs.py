@@ -6,11 +6,12 @@ from PIL import Image
 
 from aug3d_core.dataset.photographs import scene_of_photographs
 from aug3d_core.dataset.scene import SPLITS
+from aug3d_core.geometry.masks import save_mask
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 
 
 def flight(folder, count):
@@ -42,6 +43,20 @@ def test_photographs_are_packed_with_their_cameras(tmp_path):
     assert np.allclose(scene.intrinsics[:, 2:], [20, 16])
     assert scene.scale == pytest.approx(30, rel=0.1)
     assert (scene.near_far[:, 0] < 27.5).all() and (scene.near_far[:, 1] > 29).all()
+
+
+def test_what_is_masked_is_a_hole_and_its_colours_are_gone(tmp_path):
+    folder = flight(tmp_path, 5)
+    used = np.ones((60, 80), bool)
+    used[:, 60:] = False
+    save_mask(used, folder / VIEW_MASKS / image_name(102))
+    pixels = np.full((60, 80, 3), 42, np.uint8)
+    pixels[:, 60:] = 250
+    Image.fromarray(pixels).save(folder / VIEW_IMAGES / image_name(102))
+    scene = scene_of_photographs(folder, (40, 32), 0.005, 0.1)
+    assert (scene.images[2] == 42).all()
+    assert (scene.alpha[2] == 0).mean() == pytest.approx(0.23, abs=0.03)
+    assert (scene.alpha[[0, 1, 3, 4]] == 255).all()
 
 
 def test_without_a_pose_there_is_no_scene(tmp_path):

@@ -21,6 +21,7 @@ from aug3d_core.dataset.stage import run
 from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
 from aug3d_core.domes.files import CAMERAS
 from aug3d_core.geometry.depth_maps import write_map
+from aug3d_core.geometry.masks import save_mask
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -30,7 +31,7 @@ from aug3d_core.rendering.config import RenderingConfig
 from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
 from aug3d_core.rendering.stage import run as render_views
 from aug3d_core.run.errors import InputError
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS, MESH, MESH_SOURCES
 from tests.toy_scene import EXTENT_M, ROOF_M, toy_scene, toy_world
@@ -154,6 +155,33 @@ def test_depth_is_exact_of_renders_and_by_stereo_of_training_photographs(scene, 
     assert not packed.depth[:REAL][scene.splits[:REAL] != SPLITS.index("train")].any(), (
         "nothing is taught about the test"
     )
+
+
+def test_masked_photographs_are_packed_with_holes_and_the_others_as_ever(scene, inputs, tmp_path):
+    view = int(np.flatnonzero(scene.splits[:REAL] == SPLITS.index("train"))[0])
+    used = np.ones((HEIGHT, WIDTH), bool)
+    used[4:10, 3:9] = False
+    save_mask(used, inputs["sfm"] / VIEW_MASKS / image_name(view))
+    lorry = scene.images[view].copy()
+    lorry[~used] = (255, 0, 255)
+    Image.fromarray(lorry).save(inputs["sfm"] / VIEW_IMAGES / image_name(view))
+    run(inputs, CONFIG, tmp_path / "out", silent)
+    packed = read(tmp_path / "out" / SCENE_ZARR)
+    assert np.array_equal(packed.alpha[view] == 255, used) and np.array_equal(packed.alpha[view] == 0, ~used)
+    assert np.array_equal(packed.images[view][used], scene.images[view][used])
+    assert not (packed.images[view] == (255, 0, 255)).all(axis=-1).any()
+    assert not packed.depth[view][~used].any() and packed.depth[view][used].any()
+    others = np.arange(len(scene)) != view
+    assert np.array_equal(packed.images[others], scene.images[others]) and (packed.alpha[others] == 255).all()
+
+
+def test_a_mask_that_leaves_nothing_of_a_packed_photograph_is_refused(scene, inputs, tmp_path):
+    used = np.zeros((HEIGHT, WIDTH), bool)
+    used[0] = True  # beside the crop
+    save_mask(used, inputs["sfm"] / VIEW_MASKS / image_name(7))
+    small = DatasetConfig(width_px=24, height_px=8)
+    with pytest.raises(InputError, match=r"leaves nothing of photo 7 as it is packed, 24x8 px"):
+        run(inputs, small, tmp_path / "out", silent)
 
 
 def test_a_scaffold_is_the_depth_of_the_mesh_that_a_view_may_know(scene, inputs, tmp_path):

@@ -19,6 +19,7 @@ from aug3d_core.depth.files import (
     BASELINE_FUSED,
     DENSE_WORKSPACE,
     DEPTH_MAPS,
+    DEPTH_SHEET,
     FUSED,
     NORMAL_MAPS,
     RAW,
@@ -31,13 +32,14 @@ from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.stage import assist, run
 from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.masks import save_mask, used_pixels
 from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.run.stage import Inputs, Outcome
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 from tests.engines.little_scene import FOCAL_PX, SIZE, LittleScene, poses
 
@@ -336,6 +338,74 @@ def test_patch_match_gets_what_the_workspace_holds_and_its_maps_are_fused(
     assert np.median(off) < 0.1
 
 
+LORRY = (slice(60, 140), slice(40, 160))  # rows and columns of what moves along with the camera
+
+
+def with_lorry(inputs: Inputs, folder: Path, colour: int = 1) -> Inputs:
+    """Return the inputs with a thing in each photograph but one, masked."""
+    sfm = shutil.copytree(inputs["sfm"], folder)
+    used = np.ones(SIZE[::-1], bool)
+    used[LORRY] = False
+    pattern = np.random.default_rng(colour).integers(0, 256, (80, 120, 1), dtype=np.uint8)
+    for file in sorted((sfm / VIEW_IMAGES).iterdir())[1:]:
+        with Image.open(file) as image:
+            pixels = np.array(image)
+        pixels[LORRY] = pattern
+        Image.fromarray(pixels).save(file)
+        save_mask(used, sfm / VIEW_MASKS / file.name)
+    return {"sfm": sfm, "grouping": inputs["grouping"]}
+
+
+def depth_in_lorry(out: Path, index: int) -> np.ndarray:
+    depth = read_map(out / DEPTH_MAPS / geometric_map_name(index))
+    used = np.ones(SIZE[::-1], bool)
+    used[LORRY] = False
+    return depth[~np.asarray(Image.fromarray(used).resize(depth.shape[::-1], Image.Resampling.NEAREST))]
+
+
+def test_what_is_masked_has_no_depth_and_does_not_matter(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path
+) -> None:
+    """Whatever stands there, every map and every fused point is the same."""
+    outcome = find_depth(with_lorry(inputs, tmp_path / "one"), tmp_path / "out")
+    find_depth(with_lorry(inputs, tmp_path / "two", colour=2), tmp_path / "other")
+    some, other = files(tmp_path / "out"), files(tmp_path / "other")
+    assert {name for name in some if some[name] != other[name]} == {DEPTH_SHEET}
+    for index in range(1, 11):
+        assert (depth_in_lorry(tmp_path / "out", index) > 0).mean() < 0.06, "but for its rim, half of a pixel wide"
+    assert (depth_in_lorry(tmp_path / "out", 0) > 0).mean() > 0.2, "it has no mask, and others see some of it"
+    assert (depth_in_lorry(found[0], 5) > 0).mean() > 0.5
+    assert outcome.metrics["consistent_share"] == pytest.approx(found[1].metrics["consistent_share"], abs=0.08)
+    off = np.abs(Fused.load(tmp_path / "out" / FUSED).xyz[:, 2, None] - [z for z, _, _ in SCENE.planes]).min(axis=1)
+    assert np.median(off) < 0.1
+
+
+def test_patch_match_sees_nothing_of_what_is_masked_and_its_depth_there_is_dropped(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    masked = with_lorry(inputs, tmp_path / "sfm")
+
+    def stand_in(workspace: Path) -> None:
+        with Image.open(workspace / "images" / image_name(4)) as image:
+            used = used_pixels(masked["sfm"] / VIEW_MASKS / image_name(4), image.size)
+            assert used is not None
+            assert not np.asarray(image)[~used].any()
+            assert np.asarray(image)[used].any()
+        for folder in (WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS):
+            shutil.copytree(found[0] / DENSE_WORKSPACE / folder, workspace / folder, dirs_exist_ok=True)
+
+    cuda(monkeypatch, devices=1)
+    monkeypatch.setattr(depth_stage, "patch_match", stand_in)
+    find_depth(masked, tmp_path / "out")
+    for index in range(11):
+        name = geometric_map_name(index)
+        depth, normals = (read_map(tmp_path / "out" / folder / name) for folder in (DEPTH_MAPS, NORMAL_MAPS))
+        used = used_pixels(masked["sfm"] / VIEW_MASKS / image_name(index), depth.shape[::-1])
+        before = read_map(found[0] / DEPTH_MAPS / name)
+        np.testing.assert_array_equal(depth, before if used is None else np.where(used, before, 0))
+        assert used is None or not normals[~used].any()
+
+
 def test_photos_without_any_overlap_are_refused(inputs: Inputs, tmp_path: Path) -> None:
     nothing = shared_by(inputs, tmp_path / "sfm", lambda tracks: tracks.view == 0)
     with pytest.raises(InputError, match="no photograph shares enough points with another"):
@@ -347,6 +417,7 @@ def test_a_worker_that_dies_says_its_last_words(inputs: Inputs, tmp_path: Path) 
         step="sweep",
         views=tmp_path / "missing.npz",
         images=tmp_path,
+        masks=tmp_path,
         raw=tmp_path,
         workspace=tmp_path,
         max_px=96,

@@ -3,10 +3,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from aug3d_core.geometry.masks import save_mask
 from aug3d_core.geometry.transforms import look_at
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
-from aug3d_core.surface.colour import Colours, Photographs, ground_sampling, paint_vertices
+from aug3d_core.surface.colour import Colours, Photographs, Places, ground_sampling, paint_vertices
 from aug3d_core.surface.shape import Shape, split_to
 
 RED, BLUE = (250, 10, 10), (10, 10, 250)
@@ -28,7 +29,7 @@ def photos(folder: Path, heights: tuple[float, ...], colours: tuple[tuple[int, i
 
 
 def painted(shape: Shape, views: Views, folder: Path, best: int = 1) -> Colours:
-    photographs = Photographs(views, np.arange(len(views)), folder, shape, 0.5)
+    photographs = Photographs(views, np.arange(len(views)), folder, folder / "masks", shape, 0.5)
     return paint_vertices(photographs, shape, best, lambda: None)
 
 
@@ -56,6 +57,60 @@ def test_what_faces_away_or_lies_outside_is_unknown(tmp_path):
     views = photos(tmp_path, (12.0,), (RED,))
     assert not painted(Shape(sheet.xyz, sheet.triangles[:, ::-1]), views, tmp_path).known.any()
     assert not painted(Shape(sheet.xyz + np.array([500.0, 0, 0]), sheet.triangles), views, tmp_path).known.any()
+
+
+def test_what_is_masked_in_the_best_photo_is_taken_from_the_next(tmp_path):
+    """Not a hue of it comes along, though a sample is the mean of many pixels and lies between them."""
+    views = photos(tmp_path, (20.0, 10.0), (BLUE, BLUE))
+    with Image.open(tmp_path / image_name(1)) as image:
+        best = np.array(image)
+    car = (slice(20, 37), slice(30, 45))
+    best[car] = RED
+    Image.fromarray(best).save(tmp_path / image_name(1))
+    ground = square(4, 0.0)
+    assert (painted(ground, views, tmp_path).rgb == RED).all(axis=1).any(), "or there is nothing to leave out"
+    used = np.ones(best.shape[:2], bool)
+    used[car] = False
+    save_mask(used, tmp_path / "masks" / image_name(1))
+    for spots in (1, 2):
+        colours = painted(ground, views, tmp_path, best=spots)
+        assert colours.known.all()
+        assert (colours.rgb == BLUE).all()
+
+
+def test_what_is_masked_in_every_photo_has_no_colour(tmp_path):
+    views = photos(tmp_path, (10.0,), (RED,))
+    used = np.ones((61, 81), bool)
+    used[:, 41:] = False  # east of the middle
+    save_mask(used, tmp_path / "masks" / image_name(0))
+    sheet = square(8, 0.0)
+    photographs = Photographs(views, np.arange(1), tmp_path, tmp_path / "masks", sheet, 0.5)
+    normals = np.tile([0.0, 0, 1], (len(sheet.xyz), 1))
+    known = photographs.paint(Places(sheet.xyz, normals), 1, lambda: None).known
+    assert not known[sheet.xyz[:, 0] > 0.25].any()
+    assert known[sheet.xyz[:, 0] < -0.6].all()
+
+
+def test_masked_points_do_not_count_for_the_exposure(tmp_path):
+    """Half of what the second photo shows is a bright lorry."""
+    views = photos(tmp_path, (10.0, 10.0), ((60, 60, 60), (120, 120, 120)))
+    with Image.open(tmp_path / image_name(1)) as image:
+        pixels = np.array(image)
+    pixels[:, 30:] = 30
+    Image.fromarray(pixels).save(tmp_path / image_name(1))
+    used = np.ones(pixels.shape[:2], bool)
+    used[:, 30:] = False
+    save_mask(used, tmp_path / "masks" / image_name(1))
+    count = 40
+    x = np.linspace(5, 75, count)
+    tracks = Tracks(
+        np.repeat(np.arange(count), 2),
+        np.tile([0, 1], count),
+        np.repeat(np.stack([x, np.full(count, 30)], 1), 2, axis=0),
+    )
+    photographs = Photographs(views, np.arange(2), tmp_path, tmp_path / "masks", square(2, 0.0), 0.5)
+    photographs.even_out(tracks)
+    np.testing.assert_allclose(photographs.gains[0] / photographs.gains[1], 2, rtol=0.02)
 
 
 def looking(*sights: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Views:

@@ -93,7 +93,7 @@ def textured_plate(folder: Path) -> tuple[TexturedMesh, Views]:
     views = ground_photo(folder)
     xyz = np.array([[-11, -7, 0], [11, -7, 0], [11, 7, 0], [-11, 7, 0.0]])
     shape = Shape(xyz, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
-    photographs = Photographs(views, np.arange(1), folder, shape, 0.1)
+    photographs = Photographs(views, np.arange(1), folder, folder / "masks", shape, 0.1)
     colours = paint_vertices(photographs, shape, 1, lambda: None)
     return paint_texture(photographs, shape, colours.rgb, make_atlas(shape, 0.1), 1, lambda: None), views
 
@@ -114,7 +114,7 @@ def test_a_photo_projected_and_rendered_is_the_photo_again(tmp_path):
 def test_texels_that_no_photo_sees_take_their_corners_colours(tmp_path):
     views = ground_photo(tmp_path)
     shape = box(2.0)
-    photographs = Photographs(views, np.arange(1), tmp_path, shape, 0.1)
+    photographs = Photographs(views, np.arange(1), tmp_path, tmp_path / "masks", shape, 0.1)
     rgb = np.full((8, 3), 77, np.uint8)
     mesh = paint_texture(photographs, shape, rgb, make_atlas(shape, 0.1), 1, lambda: None)
     normals = triangle_normals(shape)
@@ -137,6 +137,6 @@ def test_a_dark_photo_is_evened_out(tmp_path):
     xy = rng.uniform(10, 150, (4000, 2))
     tracks = Tracks(np.repeat(np.arange(4000), 2), np.tile([0, 1], 4000), np.repeat(xy, 2, axis=0))
     ground = Shape(np.array([[-50, -50, 0], [50, -50, 0], [0, 90, 0.0]]), np.array([[0, 1, 2]], np.int32))
-    photographs = Photographs(views, np.arange(2), tmp_path, ground, 0.1)
+    photographs = Photographs(views, np.arange(2), tmp_path, tmp_path / "masks", ground, 0.1)
     photographs.even_out(tracks)
     np.testing.assert_allclose(photographs.gains[1] / photographs.gains[0], 2.0, rtol=0.02)

@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from aug3d_core.export.folder_formats import export
+from aug3d_core.geometry.masks import save_mask, used_pixels
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.poses.match import match_photos
@@ -129,3 +130,21 @@ def test_an_unknown_format(scene: tuple[Path, Path, Views], tmp_path: Path) -> N
         export(scene[0], scene[1], "obj", tmp_path / "out")
     assert "colmap, nerfstudio" in told.value.remedy
     assert not (tmp_path / "out").exists()
+
+
+def test_nerfstudio_gets_a_mask_of_every_photograph_if_one_has_a_mask(
+    scene: tuple[Path, Path, Views], tmp_path: Path
+) -> None:
+    sfm, photos, _ = scene
+    export(sfm, photos, NERFSTUDIO, tmp_path / "plain")
+    assert "mask_path" not in (tmp_path / "plain" / "transforms.json").read_text()
+    assert not (tmp_path / "plain" / "masks").exists()
+    used = np.ones((60, 80), bool)
+    used[:20] = False
+    save_mask(used, sfm / "masks" / "000002.png")
+    export(sfm, photos, NERFSTUDIO, tmp_path / "out")
+    frames = json.loads((tmp_path / "out" / "transforms.json").read_text())["frames"]
+    found = [used_pixels(tmp_path / "out" / frame["mask_path"]) for frame in frames]
+    for mask, truth in zip(found, (np.ones((60, 80), bool), used, np.ones((48, 64), bool)), strict=True):
+        np.testing.assert_array_equal(mask, truth)
+    assert len(read_transforms(recognise(tmp_path / "out").files[0])) == 3

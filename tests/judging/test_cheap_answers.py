@@ -47,3 +47,17 @@ def test_bilinear_is_exact_at_pixel_centres_and_half_way():
     assert np.array_equal(bilinear(image, np.array([[4.5, 2.5]]))[0], image[2, 4])
     assert np.allclose(bilinear(image, np.array([[5.0, 2.5]]))[0], image[2, 4:6].mean(axis=0))
     assert np.array_equal(bilinear(image, np.array([[-3.0, 99.0]]))[0], image[6, 0])
+
+
+def test_what_is_masked_in_the_inputs_is_in_no_answer_that_can_do_without(flat):
+    """As they are packed, nothing of it is left; so here it is put back, in a colour that nothing else has."""
+    target, inputs = int(flat.groups["test"][0, 0]), flat.groups["test"][0, 1:4]
+    images, alpha = flat.images.copy(), flat.alpha.copy()
+    images[inputs[0], 5:30, 5:30], alpha[inputs[0], 5:30, 5:30] = (255, 0, 255), 0
+    answers = cheap_answers(replace(flat, images=images, alpha=alpha), target, inputs)
+    bare = cheap_answers(replace(flat, images=images), target, inputs)
+    for name in ("ground_homography", "guided_blend", "plane_sweep"):
+        green, masked = (one[name].astype(int)[..., 1] for one in (answers, bare))
+        assert (masked < 5).sum() > 20 * max((green < 5).sum(), 1), name
+    rest = np.concatenate([flat.images[inputs[1:]].reshape(-1, 3), flat.images[inputs[0]][alpha[inputs[0]] > 0]])
+    np.testing.assert_array_equal(answers["mean_colour"][0, 0], np.rint(rest.mean(axis=0)))

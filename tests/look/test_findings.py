@@ -130,3 +130,12 @@ def test_a_list_of_control_points_is_checked_before_anything_is_processed(tmp_pa
     file.write_text("\n".join(["WGS84 UTM 33N", *marks]))
     (wrong,) = found(folder)
     assert wrong.weight == "stop" and "line 2" in wrong.what and "WGS84 UTM 32N" in wrong.to_do
+
+
+def test_masks_are_counted_and_those_of_no_photograph_are_told(tmp_path: Path) -> None:
+    take(tmp_path, lines(5))
+    for name in ("shot_001_mask.png", "shot_002_mask.png", "shto_003_mask.png"):
+        Image.new("L", (320, 240), 255).save(tmp_path / name)
+    stray, masked = found(tmp_path)
+    assert (stray.weight, stray.names) == ("warn", ("shto_003_mask.png",))
+    assert (masked.weight, masked.what.split()[0]) == ("note", "2")

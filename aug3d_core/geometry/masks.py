@@ -1,0 +1,33 @@
+"""Masks of photographs: 8-bit pictures, 255 where a photograph may be used, 0 where not. One without a mask is used whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool
+from PIL import Image
+
+LEAST_USED = 128  # a grey level from which a pixel is used
+
+
+def used_pixels(path: Path, size_px: Sequence[int] | None = None) -> Bool[np.ndarray, "h w"] | None:
+    """Return which pixels are used, at a size (width, height) or the mask's own: those of which half or more is.
+
+    None where there is no mask.
+    """
+    if not path.exists():
+        return None
+    with Image.open(path) as image:
+        mask = image.convert("L")
+    if size_px is not None and mask.size != tuple(size_px):
+        width, height = size_px
+        mask = mask.resize((width, height), Image.Resampling.BOX)
+    return np.asarray(mask) >= LEAST_USED
+
+
+def save_mask(used: Bool[np.ndarray, "h w"], path: Path) -> None:
+    """Write a mask; its folder is made where it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.where(used, np.uint8(255), np.uint8(0))).save(path, compress_level=1)
