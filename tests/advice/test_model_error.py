@@ -8,6 +8,7 @@ import numpy as np
 from PIL import Image
 
 from aug3d_core.advice.model_error import error_at
+from aug3d_core.geometry.masks import save_mask
 from tests.advice.flown_site import site, views
 
 
@@ -30,3 +31,19 @@ def test_where_the_model_errs_counts_more_and_where_nothing_is_known_as_usual(tm
 
 def test_without_a_test_all_places_are_alike(tmp_path: Path) -> None:
     assert (error_at(site(), views(), [tmp_path]) == 1).all()
+
+
+def test_what_is_masked_says_nothing_of_the_model(tmp_path: Path) -> None:
+    """One of two test photographs is masked where it shows what the other does not."""
+    for folder, masked in (("plain", False), ("masked", True)):
+        compared(tmp_path / folder, 12, 4)
+        compared(tmp_path / folder, 108, 120)
+        if masked:
+            used = np.ones((192, 256), bool)
+            used[:, 10:] = False
+            save_mask(used, tmp_path / folder / "compared" / "mask_000108.png")
+    place = site()
+    plain, masked = (error_at(place, views(), [tmp_path / folder]) for folder in ("plain", "masked"))
+    middle = np.abs(place.samples.xyz[:, :2] - 60.0).max(axis=1) < 5
+    assert (plain[middle] > 1.2).all()
+    assert (masked[middle] == 1).all(), "as where nothing is known"

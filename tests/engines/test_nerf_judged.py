@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import av
 import numpy as np
+import pandas as pd
 import pytest
 from skimage.metrics import structural_similarity
 
@@ -12,14 +13,16 @@ from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.new_views import only, with_views
 from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.writer import write
+from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.heads.head import build
 from aug3d_core.heads.saved import save
 from aug3d_core.judging import stage as evaluation_stage
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
-from aug3d_core.judging.files import CONVENTIONS, FLYTHROUGH
+from aug3d_core.judging.files import COMPARED, CONVENTIONS, FLYTHROUGH, TEST_VIEWS, mask_of
 from aug3d_core.judging.flythrough import around
 from aug3d_core.judging.scores import check_test_groups, ssim
+from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
 from tests.engines.toy_training import HEAD
 
@@ -97,3 +100,19 @@ def test_ssim_is_what_the_library_takes_for_usual():
 def test_a_test_that_cannot_be_held_is_refused(scene, groups, words):
     with pytest.raises(InputError, match=words):
         check_test_groups(replace(scene, groups=scene.groups | {"test": groups}), EvaluationConfig())
+
+
+def test_masks_of_test_photographs_are_told_and_shown(scene, tmp_path):
+    target = int(scene.groups["test"][0, 0])
+    alpha = scene.alpha.copy()
+    alpha[target, 4:10, 6:20] = 0
+    write(replace(scene, alpha=alpha), tmp_path / SCENE_ZARR, shard_views=64)
+    save(build(HEAD), tmp_path)
+    config = EvaluationConfig(panels=len(scene.groups["test"]), flythrough_frames=0)
+    evaluation_stage.run({"dataset": tmp_path, "training": tmp_path}, config, tmp_path, lambda done, total, what: None)
+    assert "masked" in json.loads((tmp_path / CONVENTIONS).read_text())
+    photo = image_name(int(scene.photo_id[target]))
+    assert [file.name for file in (tmp_path / COMPARED).glob("mask_*")] == [f"mask_{photo}"]
+    np.testing.assert_array_equal(used_pixels(tmp_path / mask_of(photo)), alpha[target] > 0)
+    table = pd.read_parquet(tmp_path / TEST_VIEWS)
+    assert (table["masked_share"] > 0).tolist() == (table["photo_id"] == scene.photo_id[target]).tolist()
