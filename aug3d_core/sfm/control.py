@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 FEWEST = 3
 _FEWEST_TO_DOUBT = 5  # points of which one may be found wrong
 _WRONG_SHARE = 0.005  # of a photograph's longer side: a mark farther from its point is a mistake
+_TRIED = 20  # of a point's marks, whose pairs say where it may be
 _LEAST_ANGLE_DEG = 2.0  # between the rays of two marks
 _WRONG_FACTOR = 4.0  # so much better the others must fit without a point that is wrong,
 _WRONG_PX = 5.0  # and so many of its pixels it must be from where they have it
@@ -163,7 +164,7 @@ def _located(point: Marked) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, 
     if len(point.rays) < 2:
         return *nowhere, "only one photograph that has a pose shows it"
     best, least = None, np.inf
-    for pair in combinations(range(len(point.rays)), 2):
+    for pair in combinations(range(0, len(point.rays), -(-len(point.rays) // _TRIED)), 2):
         place = _meeting(point.cam_from_model[list(pair)], point.rays[list(pair)])
         cost = np.minimum(_off_px(point, place) / point.wrong_px, 1).sum()
         if cost < least:

@@ -108,18 +108,18 @@ def test_a_machine_alone_shares_nothing_out(pool: Store, monkeypatch: pytest.Mon
     assert begun_and_left(pool)[2] == []
 
 
-def helped(store: Store, monkeypatch: pytest.MonkeyPatch, stage: Stage, seconds: float = 3.0) -> list[Any]:
-    """Let a step of a run take so long; return what it has begun at its end, and the same afterwards."""
+def helped(store: Store, monkeypatch: pytest.MonkeyPatch, stage: Stage, ask_every_s: float = 0.2) -> list[Any]:
+    """Let a step of a run take three seconds; return what it has begun at its end, and the same afterwards."""
     from prefect import flow
     from prefect.runtime import flow_run
 
     from flows import shares as flows_shares
 
-    monkeypatch.setattr(flows_shares, "ASK_EVERY_S", 0.2)
+    monkeypatch.setattr(flows_shares, "ASK_EVERY_S", ask_every_s)
     seen: list[Any] = []
 
     def make(visit: Visit) -> None:
-        time.sleep(seconds)
+        time.sleep(3)
         seen.append(run(shares(str(flow_run.id))))
 
     @flow
@@ -166,7 +166,7 @@ def test_a_step_that_cannot_be_shared_or_is_quick_asks_nobody(
 ) -> None:
     run(at_work_on("box one (cpu, gpu)", "busy"))
     assert helped(Store(pool.root), monkeypatch, GROUPING) == [[], []]
-    assert helped(Store(pool.root), monkeypatch, DEPTH, seconds=0.0) == [[], []]
+    assert helped(Store(pool.root), monkeypatch, DEPTH, ask_every_s=60.0) == [[], []]
 
 
 def test_who_helps_makes_what_the_run_is_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

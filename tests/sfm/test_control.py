@@ -100,10 +100,10 @@ def test_a_wrong_point_is_left_out_and_told() -> None:
 
 def test_noise_makes_no_point_wrong() -> None:
     wrong = 0
-    for seed in range(200):
+    for seed in range(50):
         points = marked(Flight(seed), PLACES[:5], noise_px=1.0)
         wrong += int((survey(points).table["role"] == "wrong").sum())
-    assert wrong <= 4, "2 % of surveys"
+    assert wrong <= 1, "2 % of surveys"
 
 
 @pytest.mark.parametrize(
