@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
+
+from aug3d_core.geometry.masks import continued
 
 CONVENTION = "sRGB 8 bit; centre crop to aspect; area filter on sRGB values; rounded to 8 bit"
 
@@ -54,9 +55,7 @@ class Fit:
         """Shrink an image of which a part is masked; some of it has to be used."""
         share = np.maximum(self._area(used), 1e-6)
         colour = self._rounded(np.stack([self._area(rgb[..., c] * used) / share for c in range(3)], axis=-1))
-        hidden = self.alpha(used) == 0
-        row, column = np.asarray(distance_transform_edt(hidden, return_distances=False, return_indices=True))
-        return colour[row, column]
+        return continued(colour, self.alpha(used) > 0)
 
     def covered(
         self, rgb: UInt8[np.ndarray, "h w 3"], alpha: UInt8[np.ndarray, "h w"], depth: Float[np.ndarray, "h w"]

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, UInt8
 from PIL import Image
+from scipy.ndimage import distance_transform_edt
 
 LEAST_USED = 128  # a grey level from which a pixel is used
 
@@ -25,6 +26,12 @@ def used_pixels(path: Path, size_px: Sequence[int] | None = None) -> Bool[np.nda
         width, height = size_px
         mask = mask.resize((width, height), Image.Resampling.BOX)
     return np.asarray(mask) >= LEAST_USED
+
+
+def continued(picture: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a picture in which the nearest used pixel stands for each that is not; one at least has to be used."""
+    row, column = np.asarray(distance_transform_edt(~used, return_distances=False, return_indices=True))
+    return picture[row, column]
 
 
 def save_mask(used: Bool[np.ndarray, "h w"], path: Path) -> None:

@@ -10,10 +10,10 @@ import flip_evaluator
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Int, UInt8
-from scipy.ndimage import distance_transform_edt
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from aug3d_core.dataset.scene import Scene
+from aug3d_core.geometry.masks import continued
 from aug3d_core.heads.head import Head, View
 from aug3d_core.judging.cheap_answers import cheap_answers
 from aug3d_core.judging.config import EvaluationConfig
@@ -113,7 +113,7 @@ def ssim(
 ) -> float:
     """Return the mean structural similarity over pixels and channels; of pixels that have a whole window, if any has."""
     if used is not None:
-        truth, answer = _continued(truth, used), _continued(answer, used)
+        truth, answer = continued(truth, used), continued(answer, used)  # black would be alike in both
         each = np.asarray(structural_similarity(truth, answer, channel_axis=-1, full=True, **SSIM)[1])
         rim = SSIM["win_size"] // 2
         whole = np.zeros_like(used)
@@ -127,16 +127,10 @@ def flip(
 ) -> float:
     """Return the mean FLIP error, 0 (none) to 1: what people see when two pictures alternate (Andersson et al. 2020)."""
     if used is not None:
-        truth, answer = _continued(truth, used), _continued(answer, used)
+        truth, answer = continued(truth, used), continued(answer, used)  # black would be alike in both
     reference, test = ((picture / PEAK).astype(np.float32) for picture in (truth, answer))
     each, mean, _ = flip_evaluator.evaluate(reference, test, "LDR", applyMagma=False, parameters=dict(FLIP))
     return float(mean) if used is None else float(each[used].mean())
-
-
-def _continued(picture: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
-    """Return a picture in which the nearest used pixel stands for each that is not: black would be alike in both pictures."""
-    row, column = np.asarray(distance_transform_edt(~used, return_distances=False, return_indices=True))
-    return picture[row, column]
 
 
 SCORES: Mapping[str, Callable[..., float]] = {"psnr": psnr, "ssim": ssim, "flip": flip}
