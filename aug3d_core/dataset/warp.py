@@ -86,12 +86,12 @@ class Inputs:
         self, target: Target, depth: Float[Tensor, "p h w"]
     ) -> tuple[Float[Tensor, "v p h w 2"], Bool[Tensor, "v p h w"]]:
         """Return the pixels of points at depths of the target's rays, and whether views see them if nothing hides them."""
-        turned = torch.einsum("vij,hwj->vhwi", self.turn, target.rays)
-        in_cam = turned[:, None] * depth[None, ..., None] + self.shift[:, None, None, None]
+        turned = torch.einsum("vij,hwj->ivhw", self.turn, target.rays)[:, :, None]
+        x, y, z = turned * depth + self.shift.T[..., None, None, None]
         fx, fy, cx, cy = (one.view(-1, 1, 1, 1) for one in self.intrinsics.unbind(-1))
-        ahead = in_cam[..., 2] > 1e-6
-        z = torch.where(ahead, in_cam[..., 2], torch.ones_like(in_cam[..., 2]))
-        x, y = in_cam[..., 0] / z * fx + cx, in_cam[..., 1] / z * fy + cy
+        ahead = z > 1e-6
+        z = torch.where(ahead, z, torch.ones_like(z))
+        x, y = x / z * fx + cx, y / z * fy + cy
         inside = (x >= 0) & (x <= self.width_px) & (y >= 0) & (y <= self.height_px)
         return torch.stack([x, y], dim=-1), inside & ahead
 

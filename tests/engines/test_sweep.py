@@ -154,11 +154,15 @@ def test_it_learns_the_height_of_what_renders_show(scene):
 def test_planes_convolved_one_by_one_are_a_convolution_in_three_dimensions():
     torch.manual_seed(0)
     whole, planes = torch.nn.Conv3d(4, 5, 3, stride=2, padding=1), PlaneConv(4, 5, stride=2, rectified=False)
-    x = torch.rand(7, 4, 9, 8)
     with torch.no_grad():
         planes.each.weight.copy_(torch.cat(whole.weight.unbind(2)))
         planes.each.bias.copy_(torch.cat([torch.zeros(5), whole.bias, torch.zeros(5)]))
-        assert torch.allclose(planes(x), whole(x.movedim(1, 0)[None])[0].movedim(0, 1), atol=1e-5)
+    x = torch.rand(7, 4, 9, 8, requires_grad=True)
+    found, expected = planes(x), whole(x.movedim(1, 0)[None])[0].movedim(0, 1)
+    assert torch.allclose(found, expected, atol=1e-5)
+    weight = torch.rand_like(expected)
+    (of_found,), (of_expected,) = (torch.autograd.grad((one * weight).sum(), x) for one in (found, expected))
+    assert torch.allclose(of_found, of_expected, atol=1e-5)
 
 
 def test_a_scaffold_is_what_depth_is_looked_for_about(scene):
