@@ -82,15 +82,16 @@ def align(
 
 
 def align_to_control(
-    fit: Similarity,
-    cam_from_model: Float[np.ndarray, "n 3 4"],
-    points_in_model: Float[np.ndarray, "p 3"],
+    cam_from_world: Float[np.ndarray, "n 3 4"],
+    points_in_world: Float[np.ndarray, "p 3"],
     gps_enu_m: Float[np.ndarray, "n 3"],
 ) -> Alignment:
-    """Take the world that control points tell, its ground put to z = 0; positions are about the same origin."""
-    ground_m = ground_height(fit.apply(points_in_model)[:, 2])
-    residual_m = np.linalg.norm((fit.apply(centres(cam_from_model)) - gps_enu_m)[:, :2], axis=1)
-    return Alignment(_lower(fit, ground_m), True, "control", residual_m, float(ground_m))
+    """Put the ground of the world that control points tell to z = 0; positions are about the same origin."""
+    ground_m = ground_height(points_in_world[:, 2])
+    residual_m = np.linalg.norm((centres(cam_from_world) - gps_enu_m)[:, :2], axis=1)
+    return Alignment(
+        _lower(Similarity(1.0, np.eye(3), np.zeros(3)), ground_m), True, "control", residual_m, float(ground_m)
+    )
 
 
 def _disagreement(

@@ -72,11 +72,11 @@ class Chosen:
 def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
     """Return a copy of the model, mapped with the simplest camera, adjusted with the camera that predicts it best."""
     priors = _priors(model, photos)
-    trial = _thinned(model)
+    trial = thinned(model)
     held_out = _hold_out(trial)
     held = _completed(priors, trial if held_out else model)
     if not held_out:  # nothing is seen three times, so nothing can be told
-        final = _without_wrong_points(_adjusted(model, SIMPLEST, held))
+        final = without_wrong_points(_adjusted(model, SIMPLEST, held))
         return Chosen(final, SIMPLEST, EXIF if priors else REFINED, {})
     heldout_px, moved_share = {}, {}
     for focal_from in (EXIF, REFINED) if priors else (REFINED,):
@@ -91,7 +91,7 @@ def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) ->
         over, moved = heldout_px[best[EXIF]] / heldout_px[best[REFINED]], moved_share[best[REFINED]]
         if over - 1 <= max(_WORTH_FOCAL, _WORTH_MOVING * moved):
             camera_model, focal_from = best[EXIF]
-    final = _without_wrong_points(_adjusted(model, camera_model, held if focal_from == EXIF else {}))
+    final = without_wrong_points(_adjusted(model, camera_model, held if focal_from == EXIF else {}))
     return Chosen(final, camera_model, focal_from, heldout_px, over, moved)
 
 
@@ -99,7 +99,7 @@ def as_it_was(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
     """Return a model whose cameras were chosen before, adjusted with the cameras as they are."""
     model = pycolmap.Reconstruction(model)
     adjust(model, refine_focal_length=False, refine_distortion=False)
-    _without_wrong_points(model)
+    without_wrong_points(model)
     priors = _priors(model, photos)
     kept = all(model.camera(camera_id).mean_focal_length() == focal_px for camera_id, focal_px in priors.items())
     camera_model = model.camera(min(_used_cameras(model))).model_name
@@ -108,10 +108,11 @@ def as_it_was(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
 
 def adjust(model: pycolmap.Reconstruction, refine_focal_length: bool, refine_distortion: bool = True) -> None:
     """Adjust all poses, points and cameras in place, so that wrong matches weigh little."""
-    pycolmap.bundle_adjustment(model, _options(refine_focal_length, refine_distortion))
+    pycolmap.bundle_adjustment(model, adjustment_options(refine_focal_length, refine_distortion))
 
 
-def _options(refine_focal_length: bool, refine_distortion: bool = True) -> pycolmap.BundleAdjustmentOptions:
+def adjustment_options(refine_focal_length: bool, refine_distortion: bool = True) -> pycolmap.BundleAdjustmentOptions:
+    """Return how all is adjusted: until it settles, wrong matches of little weight."""
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length, options.refine_extra_params = refine_focal_length, refine_distortion
     options.print_summary = False
@@ -139,7 +140,7 @@ def _completed(known_px: dict[int, float], model: pycolmap.Reconstruction) -> di
     for camera_id in known_px:
         config.set_constant_cam_intrinsics(camera_id)
     config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    pycolmap.create_default_bundle_adjuster(_options(refine_focal_length=True), config, copy).solve()
+    pycolmap.create_default_bundle_adjuster(adjustment_options(refine_focal_length=True), config, copy).solve()
     return known_px | {camera_id: copy.camera(camera_id).mean_focal_length() for camera_id in others}
 
 
@@ -164,7 +165,7 @@ def _adjusted(model: pycolmap.Reconstruction, camera_model: str, focal_px: dict[
     return copy
 
 
-def _without_wrong_points(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+def without_wrong_points(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
     """Take out what turned out to be wrong, in place."""
     pycolmap.ObservationManager(model).filter_all_points3D(_MOST_PX, _LEAST_ANGLE_DEG)
     model.update_point_3d_errors()
@@ -176,7 +177,8 @@ def _moved_share(model: pycolmap.Reconstruction, focal_px: dict[int, float]) -> 
     return max(moved, default=0.0)
 
 
-def _thinned(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+def thinned(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+    """Return a copy with some thousand of the points alone, for trials."""
     copy = pycolmap.Reconstruction(model)
     long = [i for i in sorted(copy.point3D_ids()) if copy.point3D(i).track.length() >= _SHORTEST_TRACK]
     kept = set(long[:: max(1, len(long) // _TRIAL_POINTS)])

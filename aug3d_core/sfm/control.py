@@ -27,7 +27,7 @@ _WRONG_SHARE = 0.005  # of a photograph's longer side: a mark farther from its p
 _TRIED = 20  # of a point's marks, whose pairs say where it may be
 _LEAST_ANGLE_DEG = 2.0  # between the rays of two marks
 _WRONG_FACTOR = 4.0  # so much better the others must fit without a point that is wrong,
-_WRONG_PX = 5.0  # and so many of its pixels it must be from where they have it
+WRONG_PX = 5.0  # and so many of its pixels it must be from where they have it
 _LEAST_ACROSS = 0.05  # the spread of points across their line, over that along it: what holds a rotation about it
 _MOST_DISAGREEMENT = 0.05  # RMS residual over the spread of the points
 
@@ -53,27 +53,38 @@ class Survey:
 
     world_from_model: None where they tell none; `problem` then says why. origin: latitude, longitude and height of their
     middle, the world's origin before its ground is known. table: a row for each point that was found: `point`, `role` (control,
-    check, wrong), `marks`, `marks_px`; `x_m` and `y_m`, where it was surveyed, in the world; `residual_*_m`: east, north and up
-    off that; `error_*_m`: the same in the world without it, NaN where the others are too few. notes: marks and points that are
-    wrong.
+    check, wrong), `marks`, `marks_px`; `x_m` and `y_m`, where it was surveyed, in the world; `pixel_m`, how large a pixel is
+    there; `residual_*_m`: east, north and up off that; `error_*_m`: the same in the world without it, NaN where the others are
+    too few. notes: marks and points that are not used. wrong_lines: of these marks.
     """
 
     world_from_model: Similarity | None
     origin: Float[np.ndarray, " 3"]
     table: pd.DataFrame
     notes: tuple[str, ...]
+    wrong_lines: tuple[int, ...] = ()
     problem: str = ""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say which marks and points are wrong."""
+        wrong = self.table.loc[self.table["role"] == "wrong"]
+        off_m = np.linalg.norm(wrong[[f"residual_{axis}_m" for axis in AXES]], axis=1) if len(wrong) else ()
+        return self.notes + tuple(
+            f"control point {name} is {metres:.2f} m from where the others have it: not used"
+            for name, metres in zip(wrong["point"], off_m, strict=True)
+        )
 
     def rms_m(self, role: str) -> tuple[float, float] | None:
         """Return the RMS error of the points of a role, horizontal and up; None where none has one."""
-        of_role = self.table.loc[self.table["role"] == role, [f"error_{axis}_m" for axis in _AXES]].dropna().to_numpy()
+        of_role = self.table.loc[self.table["role"] == role, [f"error_{axis}_m" for axis in AXES]].dropna().to_numpy()
         if not len(of_role):
             return None
         east, north, up = np.square(of_role).mean(axis=0)
         return float(np.sqrt(east + north)), float(np.sqrt(up))
 
 
-_AXES = ("east", "north", "up")
+AXES = ("east", "north", "up")
 
 
 def marked_points(model: pycolmap.Reconstruction, control: pd.DataFrame) -> list[Marked]:
@@ -104,14 +115,15 @@ def marked_points(model: pycolmap.Reconstruction, control: pd.DataFrame) -> list
 
 def survey(points: list[Marked]) -> Survey:
     """Find the points, and the world that they tell."""
-    found, notes = [], []
+    found, notes, wrong_lines = [], [], []
     for point in points:
-        place, off_px, problem = _located(point)
+        place, off_px, problem = located(point)
         if problem:
             notes.append(f"control point {point.name} is not used: {problem}")
         else:
             found.append((point, place, off_px))
             wrong = off_px > point.wrong_px
+            wrong_lines += point.line[wrong].tolist()
             notes += [
                 f"line {point.line[i]} of the control points marks {point.name} {off_px[i]:.0f} px beside where the other "
                 "photographs show it: not used"
@@ -119,7 +131,8 @@ def survey(points: list[Marked]) -> Survey:
             ]
     origin = np.median([point.geodetic for point, _, _ in found], axis=0) if found else np.full(3, np.nan)
     in_model = np.array([place for _, place, _ in found]).reshape(-1, 3)
-    enu_m = enu_from_geodetic(np.array([point.geodetic for point, _, _ in found]).reshape(-1, 3), origin)
+    told = Survey(None, origin, pd.DataFrame(), tuple(notes), tuple(wrong_lines))
+    enu_m = surveyed_m(np.array([point.geodetic for point, _, _ in found]).reshape(-1, 3), told)
     control = np.array([not point.check for point, _, _ in found], bool)
     table = pd.DataFrame(
         {
@@ -129,7 +142,7 @@ def survey(points: list[Marked]) -> Survey:
             "marks_px": [float(np.median(off_px[off_px <= point.wrong_px])) for point, _, off_px in found],
         }
     )
-    told = Survey(None, origin, table, tuple(notes))
+    told = replace(told, table=table)
     if problem := _cannot_tell(enu_m[control], "marked in two placed photographs or more"):
         return replace(told, problem=problem)
     pixel = np.array([_pixel_size(point, place) for point, place, _ in found])
@@ -146,19 +159,21 @@ def survey(points: list[Marked]) -> Survey:
         )
     residual_m = fit.apply(in_model) - enu_m
     error_m = _errors_without(in_model, enu_m, used)
-    table = table.assign(role=np.where(wrong, "wrong", table["role"]), x_m=enu_m[:, 0], y_m=enu_m[:, 1])
-    for axis, name in enumerate(_AXES):
+    table = table.assign(
+        role=np.where(wrong, "wrong", table["role"]), x_m=enu_m[:, 0], y_m=enu_m[:, 1], pixel_m=fit.scale * pixel
+    )
+    for axis, name in enumerate(AXES):
         table[f"residual_{name}_m"] = residual_m[:, axis]
         table[f"error_{name}_m"] = error_m[:, axis]
-    notes += [
-        f"control point {table['point'].iloc[i]} is {np.linalg.norm(residual_m[i]):.2f} m from where the others have it: not "
-        "used"
-        for i in np.flatnonzero(wrong)
-    ]
-    return Survey(fit, origin, table, tuple(notes))
+    return replace(told, world_from_model=fit, table=table)
 
 
-def _located(point: Marked) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " m"], str]:
+def surveyed_m(geodetic: Float[np.ndarray, "n 3"], told: Survey) -> Float[np.ndarray, "n 3"]:
+    """Return where points were surveyed (latitude, longitude, height): east, north and up of the survey's origin."""
+    return enu_from_geodetic(geodetic, told.origin)
+
+
+def located(point: Marked) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " m"], str]:
     """Return where most rays meet, how far from it each mark is, and why that is not to be used, if so."""
     nowhere = np.full(3, np.nan), np.full(len(point.rays), np.nan)
     if len(point.rays) < 2:
@@ -236,7 +251,7 @@ def _without_wrong(
         if rms[worst] * _WRONG_FACTOR > _rms(in_model, enu_m, used) or _cannot_tell(enu_m[without], ""):
             break
         fit = fit_similarity(in_model[without], enu_m[without])
-        if np.linalg.norm(fit.apply(in_model[worst]) - enu_m[worst]) < _WRONG_PX * fit.scale * pixel[worst]:
+        if np.linalg.norm(fit.apply(in_model[worst]) - enu_m[worst]) < WRONG_PX * fit.scale * pixel[worst]:
             break
         used = without
     return used

@@ -60,6 +60,14 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
             measured=_UP[up],
             rule="control points, else GPS where it is well spread, else gravity",
         )
+    if (adjusted_m := metrics.get("control_left_out_m_adjusted")) is not None:
+        yield Decision(
+            field="sfm.control",
+            value="poses adjusted to control points" if metrics["control_adjusted"] else "the world moved as a whole",
+            measured=f"points that had no part are {adjusted_m:.3f} m off after adjustment, "
+            f"{metrics['control_left_out_m_moved']:.3f} m by moving alone",
+            rule="adjusted where points that had no part gain a fifth",
+        )
 
 
 def _held_out(metrics: Mapping[str, Any]) -> str:

@@ -42,11 +42,15 @@ SFM = Stage(
     accuracy="reprojection_px",
     metrics=declared(
         higher="registered registered_share track_length_mean",
-        lower=("reprojection_px gps_residual_m_median focal_exif_over_refined_error control_error_*_m check_error_*_m"),
+        lower=(
+            "reprojection_px gps_residual_m_median focal_exif_over_refined_error control_error_*_m check_error_*_m "
+            "control_left_out_m_*"
+        ),
         neither=(
             "photos points observations camera_height_m_median up_from doming_pct doming_sigma_pct camera_model "
             "focal_px mapper mapper_reason focal_source focal_moved_share heldout_px_* components grown_from "
-            "weakest_joint_points weakest_joint_share camera_height_units_median control_points check_points"
+            "weakest_joint_points weakest_joint_share camera_height_units_median control_points check_points "
+            "control_adjusted"
         ),
     ),
     resumable=True,

@@ -14,12 +14,14 @@ import pycolmap
 from jaxtyping import Float
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.photos.files import PHOTO_MASKS
 from aug3d_core.run.stage import Metric
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align, align_to_control
 from aug3d_core.sfm.control import Survey, marked_points, survey
+from aug3d_core.sfm.control_adjustment import Adjusted, adjust_to_control
 from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
 from aug3d_core.sfm.files import (
     COLMAP_MODEL,
@@ -45,6 +47,7 @@ class Located:
     alignment: Alignment
     origin: Float[np.ndarray, " 3"]
     survey: Survey | None = None
+    adjusted: Adjusted | None = None
 
     @property
     def problem(self) -> str:
@@ -53,22 +56,35 @@ class Located:
 
 
 def align_model(
-    model: pycolmap.Reconstruction, photos: pd.DataFrame, marks: pd.DataFrame | None, rng: np.random.Generator
+    model: pycolmap.Reconstruction,
+    photos: pd.DataFrame,
+    marks: pd.DataFrame | None,
+    rng: np.random.Generator,
+    adjusting: bool = True,
 ) -> tuple[Located, export.Arrays]:
-    """Move the model into the world; return how, and what it then holds. marks: of ground control points."""
+    """Move the model into the world; return how, and what it then holds.
+
+    marks: of ground control points. adjusting: poses may be adjusted to these; else they move as a whole.
+    """
     placed = [export.photo_id(image) for image in export.registered(model)]
-    arrays = export.to_arrays(model)
     told = None if marks is None else survey(marked_points(model, marks))
-    if told and told.world_from_model:
+    if marks is not None and told and told.world_from_model:
+        _move(model, told.world_from_model)
+        adjusted = adjust_to_control(model, marks, told) if adjusting else Adjusted(told, False)
+        arrays = export.to_arrays(model)
         geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].fillna({"alt_m": told.origin[2]}).to_numpy(float)
         gps_enu_m = enu_from_geodetic(geodetic[placed], told.origin)
-        poses, points = arrays.views.cam_from_world, arrays.points.xyz
-        located = Located(align_to_control(told.world_from_model, poses, points, gps_enu_m), told.origin, told)
+        alignment = align_to_control(arrays.views.cam_from_world, arrays.points.xyz, gps_enu_m)
+        located = Located(alignment, told.origin, adjusted.survey, adjusted)
     else:
+        arrays = export.to_arrays(model)
         located = Located(_by_gps(arrays, photos, placed, rng), gps_positions(photos)[1], told)
-    fit = located.alignment.world_from_model
+    _move(model, located.alignment.world_from_model)
+    return located, arrays.moved(located.alignment.world_from_model)
+
+
+def _move(model: pycolmap.Reconstruction, fit: Similarity) -> None:
     model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
-    return located, arrays.moved(fit)
 
 
 def _by_gps(arrays: export.Arrays, photos: pd.DataFrame, placed: list[int], rng: np.random.Generator) -> Alignment:
@@ -171,11 +187,15 @@ def model_metrics(
         "doming_sigma_pct": doming and doming.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),
-    } | (_survey_metrics(located.survey) if located.survey else {})
+    } | (_survey_metrics(located.survey, located.adjusted) if located.survey else {})
 
 
-def _survey_metrics(told: Survey) -> dict[str, Metric]:
-    metrics: dict[str, Metric] = {}
+def _survey_metrics(told: Survey, adjusted: Adjusted | None) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {
+        "control_adjusted": bool(adjusted and adjusted.used),
+        "control_left_out_m_moved": adjusted and adjusted.moved_m,
+        "control_left_out_m_adjusted": adjusted and adjusted.adjusted_m,
+    }
     for role in ("control", "check"):
         rms_m = told.rms_m(role) if told.world_from_model else None
         metrics[f"{role}_points"] = int((told.table["role"] == role).sum()) if told.world_from_model else 0
@@ -186,7 +206,7 @@ def _survey_metrics(told: Survey) -> dict[str, Metric]:
 def alignment_notes(located: Located) -> tuple[str, ...]:
     """Say in words what control points and GPS were not used for."""
     told = located.survey
-    notes = () if told is None else told.notes
+    notes = () if told is None else told.remarks
     if told is not None and told.problem:
         notes += (f"the control points are not used: {told.problem}",)
     return notes + _gps_notes(located.alignment)

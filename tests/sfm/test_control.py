@@ -50,7 +50,7 @@ def errors_m(flight: Flight, told: Survey) -> np.ndarray:
 def test_exact_marks_give_the_exact_world(seed: int) -> None:
     flight = Flight(seed)
     told = survey(marked(flight, checks=(4,)))
-    assert told.problem == "" and told.notes == ()
+    assert told.problem == "" and told.remarks == ()
     assert errors_m(flight, told).max() < 0.01  # of the earth's curve
     assert told.table["role"].tolist() == ["control"] * 4 + ["check", "control"]
     assert max(*told.rms_m("check"), *told.rms_m("control")) < 0.01  # type: ignore[misc]
@@ -83,7 +83,7 @@ def test_a_wrong_mark_is_left_out_and_told() -> None:
     wrong = points[0].rays.copy()
     wrong[1] += 120 / FOCAL_PX
     told = survey([replace(points[0], rays=wrong), *points[1:]])
-    assert any(f"line {points[0].line[1]} of the control points marks P0" in note for note in told.notes)
+    assert any(f"line {points[0].line[1]} of the control points marks P0" in note for note in told.remarks)
     assert told.table.loc[0, "marks"] == len(wrong) - 1
     assert errors_m(flight, told).max() < 0.3
 
@@ -94,7 +94,7 @@ def test_a_wrong_point_is_left_out_and_told() -> None:
     off = replace(points[1], geodetic=geodetic_from_enu(PLACES[1] + [6.0, 0, 0], ORIGIN))
     told = survey([points[0], off, *points[2:]])
     assert told.table["role"].tolist() == ["control", "wrong", *["control"] * 4]
-    assert any("P1 is " in note and "not used" in note for note in told.notes)
+    assert any("P1 is " in note and "not used" in note for note in told.remarks)
     assert errors_m(flight, told).max() < 0.4
 
 
@@ -138,20 +138,18 @@ def test_a_point_in_one_photograph_or_from_one_direction_is_not_used() -> None:
 
     told = survey([first(points[0], [0]), first(points[1], [0, 0]), *points[2:]])
     assert told.table["point"].tolist() == ["P2", "P3", "P4", "P5"]
-    assert any("P0 is not used: only one photograph" in note for note in told.notes)
-    assert any("P1 is not used" in note for note in told.notes)
+    assert any("P0 is not used: only one photograph" in note for note in told.remarks)
+    assert any("P1 is not used" in note for note in told.remarks)
 
 
 def test_the_ground_is_put_to_zero_and_its_height_kept() -> None:
     flight = Flight(8)
     told = survey(marked(flight))
     assert told.world_from_model is not None
-    cameras, points = (
-        flight.model_from_world.move_cameras(flight.cam_from_world),
-        flight.model_from_world.apply(flight.points),
-    )
+    world = told.world_from_model.after(flight.model_from_world)
+    cameras, points = world.move_cameras(flight.cam_from_world), world.apply(flight.points)
     biased = flight.at - np.median(PLACES, axis=0) + [3.0, 4.0, 0]
-    alignment = align_to_control(told.world_from_model, cameras, points, biased)
+    alignment = align_to_control(cameras, points, biased)
     at = centres(alignment.world_from_model.move_cameras(cameras))
     assert np.median(at[:, 2]) == pytest.approx(HEIGHT_M, abs=2)
     assert told.origin[2] + alignment.up_offset_m == pytest.approx(ORIGIN[2], abs=0.3)

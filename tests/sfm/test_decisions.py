@@ -26,3 +26,10 @@ def test_the_lens_is_reported_with_the_errors_that_speak_for_it() -> None:
 
 def test_given_poses_leave_lens_and_vertical() -> None:
     assert [one.field for one in sfm_decisions(_PLACED)] == ["sfm.camera_model", "sfm.up"]
+
+
+def test_control_points_are_said_to_bend_or_to_move() -> None:
+    left_out = {"control_left_out_m_adjusted": 0.05, "control_left_out_m_moved": 0.41}
+    for adjusted, words in ((True, "poses adjusted to control points"), (False, "the world moved as a whole")):
+        *_, control = sfm_decisions(_PLACED | left_out | {"control_adjusted": adjusted})
+        assert (control.field, control.value) == ("sfm.control", words) and "0.050 m" in control.measured

@@ -48,6 +48,12 @@ def control_points(run: ReportedRun) -> str:
     heads = ("point", "role", "photographs", "marks off [px]", *(f"{axis} [m]" for axis in _AXES))
     fitted = tuple(f"{axis}, fitted [m]" for axis in _AXES)
     how = "The error of a point is that of the world which the other control points tell."
+    if metrics.get("control_adjusted"):
+        how += (
+            f" Poses and lens were adjusted to the control points: points that had no part are"
+            f" {metrics['control_left_out_m_adjusted']:.3f} m off, {metrics['control_left_out_m_moved']:.3f} m if the world is"
+            " only moved."
+        )
     return tag(
         "div",
         tag("h3", "Control points")

@@ -44,6 +44,9 @@ def test_errors_are_in_the_table_and_on_the_map(tmp_path: Path) -> None:
     page = cameras(run)
     assert "<b>Check points</b>: 0.057 m across, 0.040 m up (RMS of 1)" in page
     assert "left out in its turn" not in page, "it has no figure"
+    assert "adjusted to the control points" not in page
+    placed(run).update(control_adjusted=True, control_left_out_m_adjusted=0.0312, control_left_out_m_moved=0.4)
+    assert "adjusted to the control points: points that had no part are 0.031 m off, 0.400 m if" in cameras(run)
     rows = re.findall(r"<tr><td[^>]*>(?:CHK|A|&lt;).*?</tr>", control_points(run))
     assert "+0.040" in rows[0] and "CHK" in rows[0] and ">-<" in rows[1] and EVIL not in page
     drawn = overview(run)
