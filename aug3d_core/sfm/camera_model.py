@@ -177,11 +177,11 @@ def _moved_share(model: pycolmap.Reconstruction, focal_px: dict[int, float]) -> 
     return max(moved, default=0.0)
 
 
-def thinned(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
-    """Return a copy with some thousand of the points alone, for trials."""
+def thinned(model: pycolmap.Reconstruction, for_each_view: int = 0) -> pycolmap.Reconstruction:
+    """Return a copy with some thousand of the points alone, for trials; more where so many for each view are more."""
     copy = pycolmap.Reconstruction(model)
     long = [i for i in sorted(copy.point3D_ids()) if copy.point3D(i).track.length() >= _SHORTEST_TRACK]
-    kept = set(long[:: max(1, len(long) // _TRIAL_POINTS)])
+    kept = set(long[:: max(1, len(long) // max(_TRIAL_POINTS, for_each_view * model.num_reg_images()))])
     for point_id in sorted(copy.point3D_ids()):
         if point_id not in kept:
             copy.delete_point3D(point_id)

@@ -18,7 +18,8 @@ from aug3d_core.sfm.camera_model import adjustment_options, thinned, without_wro
 from aug3d_core.sfm.control import AXES, WRONG_PX, Survey, located, marked_points, surveyed_m
 
 FEWEST = 4  # so that three are left where one judges
-_MOST_FOLDS = 8  # points are left out some at a time where there are more
+_MOST_FOLDS = 5  # points are left out some at a time where there are more
+_POINTS_A_VIEW = 40  # that hold poses in trials
 _WORTH = 0.8  # of the error of the world moved as a whole: what that of the adjusted one must be below
 
 
@@ -48,7 +49,7 @@ def adjust_to_control(model: pycolmap.Reconstruction, marks: pd.DataFrame, told:
     if len(control) < FEWEST or moved.loc[control].isna().any(axis=None):
         return Adjusted(told, False)
     right = marks.loc[~marks["line"].isin(told.wrong_lines)]
-    bent = _left_out(thinned(model), right, control, doubted, told)
+    bent = _left_out(thinned(model, _POINTS_A_VIEW), right, control, doubted, told)
     judged = control + _explained(bent, doubted, told)
     moved_m, bent_m = (float(np.sqrt(np.square(off.loc[judged]).sum(axis=1).mean())) for off in (moved, bent))
     if not bent_m < _WORTH * moved_m:
