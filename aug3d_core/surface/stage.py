@@ -19,7 +19,6 @@ from PIL import Image
 from scipy.spatial import KDTree
 
 from aug3d_core.depth.files import BASELINE_FUSED, FUSED
-from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Tracks, Views
@@ -28,7 +27,8 @@ from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
 from aug3d_core.surface import checks
-from aug3d_core.surface.build import Built, Clock, build
+from aug3d_core.surface.build import Built, build
+from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decisions import decisions
 from aug3d_core.surface.files import (
@@ -130,9 +130,7 @@ def _counter(total: int, progress: Progress) -> Callable[[], None]:
 
 
 def _build(scene: _Scene, fused: Path, chosen: np.ndarray, clock: Clock, tick: Callable[[], None]) -> Built:
-    return build(
-        Fused.load(fused), scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick
-    )
+    return build(fused, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick)
 
 
 def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:
@@ -154,6 +152,7 @@ def _figures(train: Built, baseline: Built) -> dict[str, Metric]:
         gsd = built.ground_sampling
         figures |= {
             f"{prefix}points": built.points,
+            f"{prefix}tiles": built.tiles,
             f"{prefix}point_spacing_gsd": round(built.point_spacing / gsd, 3),
             f"{prefix}octree_depth": built.octree_depth,
             f"{prefix}vertices": len(built.mesh.xyz),
