@@ -107,7 +107,7 @@ def _draw(
     with clock.step("evidence"):
         evidence = gather(fused)
     with clock.step("poisson"):
-        raw = reconstruct(evidence)
+        raw = reconstruct(evidence, even=read != EVERYWHERE)
     with clock.step("trimming"):
         fine = trim(raw, evidence, config.max_gap_spacings * evidence.spacing, config.min_piece_points, read)
     if not len(fine.triangles):

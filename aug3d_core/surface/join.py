@@ -34,29 +34,30 @@ class _Rim:
 
 
 @dataclass(frozen=True)
-class _Nearest:
-    """For each of some places, the nearest place of a rim."""
+class _Laid:
+    """Where each of some corners comes to lie on a rim."""
 
+    xyz: Float[np.ndarray, "p 3"]
     edge: Int[np.ndarray, " p"]
     along: Float[np.ndarray, " p"]  # 0 to 1 from the edge's first end to its second
-    xyz: Float[np.ndarray, "p 3"]
-    off: Float[np.ndarray, " p"]  # world units
+    corner: Int[np.ndarray, " p"]  # of the rim, where it comes to lie on one; else -1
+    near: Bool[np.ndarray, " p"]  # enough to be moved there
 
 
 def join(below: Shape, above: Shape, border: Halved, reach: float) -> Shape:
     """Return both as one mesh; `reach` (world units) is how far rims may be apart and still be one line."""
     low, high = _rim(below, border), _rim(above, border)
     if len(low.ends) and len(high.ends):
-        corners = low.vertices
         laid = _lay(below, low, above.xyz[high.vertices], border, reach)
         moved = above.xyz.copy()
         moved[high.vertices[laid.near]] = laid.xyz[laid.near]
-        above = Shape(moved, above.triangles)
-        new = laid.near & ~laid.at_corner
+        new = laid.near & (laid.corner < 0)
+        partner = np.full(len(above.xyz), -1)  # of each corner above, the one below
+        partner[high.vertices[laid.near]] = laid.corner[laid.near]
+        partner[high.vertices[new]] = len(below.xyz) + np.arange(new.sum())
         below = _insert(below, low, laid.edge[new], laid.along[new], laid.xyz[new])
-        own = _nearest(above, high, below.xyz[corners], border, reach)
-        new = (own.off <= reach) & (own.along > 0) & (own.along < 1)
-        above = _insert(above, high, own.edge[new], own.along[new], below.xyz[corners[new]])
+        edge, number, corner = _between(below.xyz, _rim(below, border).ends, partner[high.ends], reach)
+        above = _insert(Shape(moved, above.triangles), high, edge, number, below.xyz[corner])
     both = Shape(
         np.concatenate([below.xyz, above.xyz]),
         np.concatenate([below.triangles, above.triangles + len(below.xyz)]).astype(np.int32),
@@ -69,34 +70,62 @@ def rim_edges(shape: Shape, border: Halved) -> Int[np.ndarray, "s 2"]:
     return _rim(shape, border).ends
 
 
-@dataclass(frozen=True)
-class _Laid:
-    """Where on a rim each of some corners comes to lie."""
-
-    xyz: Float[np.ndarray, "p 3"]
-    edge: Int[np.ndarray, " p"]
-    along: Float[np.ndarray, " p"]
-    at_corner: Bool[np.ndarray, " p"]  # of the rim; else between two
-    near: Bool[np.ndarray, " p"]  # enough to be moved there
-
-
 def _lay(below: Shape, rim: _Rim, xyz: Float[np.ndarray, "p 3"], border: Halved, reach: float) -> _Laid:
-    near = _nearest(below, rim, xyz, border, reach)
-    first, last = below.xyz[rim.ends[near.edge, 0]], below.xyz[rim.ends[near.edge, 1]]
-    length = np.linalg.norm(last - first, axis=1)
-    at_first, at_last = near.along * length <= WELD * reach, (1 - near.along) * length <= WELD * reach
-    place = np.where(at_first[:, None], first, np.where(at_last[:, None], last, near.xyz))
-    at_corner, off = at_first | at_last, near.off
+    """Find for places of the plane the nearest of a rim."""
+    edge, along, place = _nearest(below.xyz[rim.ends], xyz, reach)
+    place[:, border.axis] = border.at
+    off = np.linalg.norm(xyz - place, axis=1)
+    length = np.linalg.norm(np.diff(below.xyz[rim.ends[edge]], axis=1)[:, 0], axis=1)
+    corner = np.full(len(xyz), -1)
+    for end, way in ((0, along), (1, 1 - along)):
+        corner = np.where(way * length <= WELD * reach, rim.ends[edge, end], corner)
     # Where another border crosses, corners keep to it: it is joined later, and would not find them elsewhere
     u = 1 - border.axis
     for side in (border.ground.low[u], border.ground.high[u]):
-        mine = np.flatnonzero(xyz[:, u] == side)
-        theirs = below.xyz[rim.vertices[below.xyz[rim.vertices, u] == side]]
-        at_corner[mine], off[mine] = True, np.inf
+        mine, theirs = np.flatnonzero(xyz[:, u] == side), rim.vertices[below.xyz[rim.vertices, u] == side]
+        off[mine] = np.inf
         if len(mine) and len(theirs):
-            apart = np.abs(xyz[mine, None, 2] - theirs[None, :, 2])
-            place[mine], off[mine] = theirs[apart.argmin(axis=1)], apart.min(axis=1)
-    return _Laid(place, near.edge, near.along, at_corner, off <= reach)
+            apart = np.abs(xyz[mine, None, 2] - below.xyz[theirs, 2])
+            corner[mine], off[mine] = theirs[apart.argmin(axis=1)], apart.min(axis=1)
+    return _Laid(np.where(corner[:, None] < 0, place, below.xyz[corner]), edge, along, corner, off <= reach)
+
+
+def _between(
+    xyz: Float[np.ndarray, "v 3"], rim: Int[np.ndarray, "s 2"], pairs: Int[np.ndarray, "e 2"], reach: float
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return the corners that a rim has on the way between those of each pair: number of the pair, place in line, corner.
+
+    A way that is longer than twice the straight one, and a reach, is another surface's.
+    """
+    neighbours: dict[int, list[int]] = {}
+    for a, b in rim.tolist():
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    found = []
+    for pair, (a, b) in enumerate(pairs.tolist()):
+        if a < 0 or b < 0 or a == b or a not in neighbours or b not in neighbours:
+            continue
+        longest = float(2 * np.linalg.norm(xyz[b] - xyz[a]) + reach)
+        ways = (_way(xyz, neighbours, a, first, b, longest) for first in neighbours[a])
+        found += [(pair, place, corner) for place, corner in enumerate(next(filter(None, ways), [b])[:-1])]
+    table = np.array(found, int).reshape(-1, 3)
+    return table[:, 0], table[:, 1].astype(float), table[:, 2]
+
+
+def _way(
+    xyz: Float[np.ndarray, "v 3"], neighbours: dict[int, list[int]], start: int, first: int, end: int, longest: float
+) -> list[int]:
+    """Follow a line of corners from `start` by `first` to `end`; nothing if it does not lead there, or not so soon."""
+    way, before = [first], start
+    length = float(np.linalg.norm(xyz[first] - xyz[start]))
+    while way[-1] != end and length <= longest:
+        onward = [corner for corner in neighbours[way[-1]] if corner != before]
+        if len(onward) != 1:
+            return []
+        before = way[-1]
+        way.append(onward[0])
+        length += float(np.linalg.norm(xyz[way[-1]] - xyz[before]))
+    return way if length <= longest else []
 
 
 def _rim(shape: Shape, border: Halved) -> _Rim:
@@ -108,21 +137,19 @@ def _rim(shape: Shape, border: Halved) -> _Rim:
     return _Rim(triangle[open_], corner[open_], ends[open_])
 
 
-def _nearest(shape: Shape, rim: _Rim, xyz: Float[np.ndarray, "p 3"], border: Halved, reach: float) -> _Nearest:
-    """Find for places of the plane the nearest of a rim: the edge by samples along all, then the exact place on it."""
-    first, last = shape.xyz[rim.ends[:, 0]], shape.xyz[rim.ends[:, 1]]
-    count = 2 + (np.linalg.norm(last - first, axis=1) * SAMPLES / reach).astype(int)
+def _nearest(
+    ends: Float[np.ndarray, "s 2 3"], xyz: Float[np.ndarray, "p 3"], reach: float
+) -> tuple[Int[np.ndarray, " p"], Float[np.ndarray, " p"], Float[np.ndarray, "p 3"]]:
+    """Find for places the nearest of some edges by samples along all: its number, how far along it (0 to 1), and where."""
+    first, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    count = 2 + (np.linalg.norm(way, axis=1) * SAMPLES / reach).astype(int)
     edge = np.repeat(np.arange(len(count)), count)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     part = (number / (count[edge] - 1))[:, None]
-    tree = KDTree(first[edge] + part * (last - first)[edge])
-    edge = edge[np.asarray(tree.query(xyz)[1])]
-    way = (last - first)[edge]
-    along = np.einsum("px,px->p", xyz - first[edge], way) / np.maximum(np.einsum("px,px->p", way, way), 1e-300)
-    along = along.clip(0, 1)
-    place = first[edge] + along[:, None] * way
-    place[:, border.axis] = border.at
-    return _Nearest(edge, along, place, np.linalg.norm(xyz - place, axis=1))
+    edge = edge[np.asarray(KDTree(first[edge] + part * way[edge]).query(xyz)[1])]
+    square = np.maximum((way[edge] ** 2).sum(axis=1), 1e-300)
+    along = (((xyz - first[edge]) * way[edge]).sum(axis=1) / square).clip(0, 1)
+    return edge, along, first[edge] + along[:, None] * way[edge]
 
 
 def _insert(
@@ -130,7 +157,7 @@ def _insert(
 ) -> Shape:
     """Return the mesh with more corners in edges of its rim: the triangle at each becomes a fan about the corner opposite."""
     order = np.lexsort((along, edge))
-    edge, new = edge[order], len(shape.xyz) + np.arange(len(order))
+    edge, new = edge[order], len(shape.xyz) + order
     starts, ends = np.r_[True, edge[1:] != edge[:-1]][: len(edge)], np.r_[edge[1:] != edge[:-1], True][: len(edge)]
     tip = shape.triangles[rim.triangle, (rim.corner + 2) % 3]
     before = np.where(starts, rim.ends[edge, 0], np.roll(new, 1))
@@ -138,7 +165,7 @@ def _insert(
     kept = np.ones(len(shape.triangles), bool)
     kept[rim.triangle[edge]] = False
     triangles = np.concatenate([shape.triangles[kept], *fans]).astype(np.int32)
-    return Shape(np.concatenate([shape.xyz, xyz[order]]), triangles)
+    return Shape(np.concatenate([shape.xyz, xyz]), triangles)
 
 
 def _welded(shape: Shape, some: Bool[np.ndarray, " v"]) -> Shape:
