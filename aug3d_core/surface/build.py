@@ -1,4 +1,4 @@
-"""One mesh from the points and the photographs of the allowed roles alone."""
+"""A surface and the photographs of the allowed roles alone -> one coloured mesh."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from aug3d_core.surface.atlas import atlas_within
 from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.colour import Photographs, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.surface.draw import draw, nothing
+from aug3d_core.surface.draw import Drawn, nothing
 from aug3d_core.surface.shape import Shape, split_to, triangle_areas
 from aug3d_core.surface.texture import paint_texture
-from aug3d_core.surface.tiles import MOST_POINTS
 
 # A hexagonal net of vertices with this spacing covers sqrt(3)/2 spacing^2 per vertex
 AREA_PER_VERTEX = 0.866
@@ -52,7 +51,7 @@ class Built:
 
 
 def build(
-    fused: Path,
+    drawn: Drawn,
     tracks: Tracks,
     views: Views,
     chosen: Int[np.ndarray, " m"],
@@ -61,10 +60,8 @@ def build(
     config: SurfaceConfig,
     clock: Clock,
     tick: Callable[[], None],
-    most_points: int = MOST_POINTS,
 ) -> Built:
-    """Build and colour the mesh that the stored points and the chosen views support; raises InputError if there is none."""
-    drawn = draw(fused, views, chosen, config, clock, most_points)
+    """Colour a surface from the chosen views; raises InputError if none sees any of it."""
     sampling = drawn.ground_sampling
     if config.colour == "texture":
         detail = _texel(drawn.shape, sampling, config)

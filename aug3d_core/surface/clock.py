@@ -19,4 +19,10 @@ class Clock:
         """Count the time of a block under a name."""
         start = time.monotonic()
         yield
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - start
+        self.add(Clock({name: time.monotonic() - start}))
+
+    def add(self, *others: Clock) -> None:
+        """Count what others have counted, whether it was at the same time or not."""
+        for other in others:
+            for name, spent in other.seconds.items():
+                self.seconds[name] = self.seconds.get(name, 0.0) + spent

@@ -6,17 +6,25 @@ that margin too, so that nothing pulls at the border. Only then it is cut to its
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median, median_high
 
 import numpy as np
+import psutil
 from jaxtyping import Int
 
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.helper_process import WorkerDied
+from aug3d_core.run.memory import total_bytes
 from aug3d_core.surface.clip import clip_to
 from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.colour import ground_sampling
@@ -34,6 +42,9 @@ MARGIN_SPACINGS = 48.0
 # Two tiles' surfaces that are nearer at their border are one. Twice as far as a point speaks for a surface: of 16 tiles of the
 # demo's town, 1.3 % of the borders' length then stays open by more than 0.05 spacings, and 1.2 % at half of this
 JOIN_SPACINGS = 4.0
+# Memory of a tile's process for each of its points: 0.7 KiB for those read, a fifth more than its own (measured), and the rest
+POINT_BYTES = 1100
+MEMORY_SHARE = 0.5  # of what is free, for all tiles that are drawn at a time
 
 
 @dataclass(frozen=True)
@@ -58,43 +69,88 @@ def draw(
     chosen: Int[np.ndarray, " m"],
     config: SurfaceConfig,
     clock: Clock,
+    told: Callable[[int, int], None] = lambda done, tiles: None,
     most: int = MOST_POINTS,
+    at_once: int | None = None,
 ) -> Drawn:
-    """Draw the surface that stored points support, in tiles if there are more than `most`; raises InputError if none."""
+    """Draw the surface that stored points support, in tiles if there are more than `most`; raises InputError if none.
+
+    told: called with the number of tiles that are drawn, and of all. at_once: processes; as many as cores and memory allow
+    where it is None. The surface is the same with any number.
+    """
     count = Fused.count(fused)
     if count <= most:
         return _draw(Fused.load(fused), EVERYWHERE, EVERYWHERE, views, chosen, config, clock)
     with clock.step("tiling"):
         plan = plan_tiles(fused, count, most)
+    tiles = [*leaves(plan)]
     # Of a gap's width: so far points away decide whether a gap that ends at a border is closed
     margin = max(MARGIN_SPACINGS, config.max_gap_spacings)
-    drawn, failed = [], None
-    for tile in leaves(plan):
-        by = margin * tile.spacing
-        with clock.step("tiling"):
-            points = tile.read(fused, by)
-        try:
-            drawn.append(_draw(points, tile.ground, tile.ground.grown(by), views, chosen, config, clock))
-        except InputError as error:  # water, say: the other tiles may have a surface
-            drawn.append(None)
-            failed = error
-    some = [one for one in drawn if one is not None]
-    if not some:
-        raise failed or AssertionError
+    work = partial(_tried, fused, margin, views, chosen, config)
+    tried = []
+    told(0, len(tiles))
+    for one in _each(work, tiles, min(len(tiles), at_once or _affordable(most))):
+        tried.append(one)
+        told(len(tried), len(tiles))
+    clock.add(*(one.clock for one in tried))
+    drawn = [one.drawn for one in tried if one.drawn is not None]
+    if not drawn:
+        raise nothing(tried[0].problem)
     with clock.step("tiling"):
-        shape = _joined(plan, iter(drawn), JOIN_SPACINGS * max(one.spacing for one in some))
+        shape = _joined(plan, iter(tried), JOIN_SPACINGS * max(one.spacing for one in drawn))
     return Drawn(
         shape,
-        sum(one.points for one in some),
-        median(one.spacing for one in some),
-        median_high(one.octree_depth for one in some),
-        sum(one.triangles_full for one in some),
-        max(one.decimation_error for one in some),
-        median(one.ground_sampling for one in some),
-        sum(one.area for one in some),
-        sum(one.bridged_area for one in some),
-        len(drawn),
+        sum(one.points for one in drawn),
+        median(one.spacing for one in drawn),
+        median_high(one.octree_depth for one in drawn),
+        sum(one.triangles_full for one in drawn),
+        max(one.decimation_error for one in drawn),
+        median(one.ground_sampling for one in drawn),
+        sum(one.area for one in drawn),
+        sum(one.bridged_area for one in drawn),
+        len(tiles),
     )
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A tile's surface, or why there is none: over water, say, while other tiles have one."""
+
+    drawn: Drawn | None
+    problem: str
+    clock: Clock
+
+
+def _affordable(most: int) -> int:
+    """Return how many tiles the cores and the free memory can draw at a time."""
+    free = min(psutil.virtual_memory().available, total_bytes())
+    return max(1, min(len(os.sched_getaffinity(0)), int(MEMORY_SHARE * free / (POINT_BYTES * most))))
+
+
+def _each(work: Callable[[Planned], _Tried], tiles: list[Planned], at_once: int) -> Iterator[_Tried]:
+    """Yield what is made of each tile, in their order, in processes of their own: their memory is given back."""
+    with ProcessPoolExecutor(at_once, mp_context=get_context("spawn")) as pool:
+        try:
+            yield from pool.map(work, tiles)
+        except BrokenProcessPool as error:
+            raise WorkerDied(
+                "a process that draws a tile of the surface was killed",
+                "It was killed, mostly for memory: lower depth.max_px.",
+                "killed",
+            ) from error
+
+
+def _tried(
+    fused: Path, margin: float, views: Views, chosen: Int[np.ndarray, " m"], config: SurfaceConfig, tile: Planned
+) -> _Tried:
+    """Draw a tile through its points and those within a margin (spacings)."""
+    clock, by = Clock(), margin * tile.spacing
+    with clock.step("tiling"):
+        points = tile.read(fused, by)
+    try:
+        return _Tried(_draw(points, tile.ground, tile.ground.grown(by), views, chosen, config, clock), "", clock)
+    except InputError as error:
+        return _Tried(None, error.problem, clock)
 
 
 def _draw(
@@ -143,10 +199,10 @@ def nothing(problem: str) -> InputError:
     )
 
 
-def _joined(plan: Halved | Planned, drawn: Iterator[Drawn | None], reach: float) -> Shape:
+def _joined(plan: Halved | Planned, tried: Iterator[_Tried], reach: float) -> Shape:
     """Join the tiles in their order, neighbours first."""
     if isinstance(plan, Planned):
-        one = next(drawn)
-        return Shape(np.zeros((0, 3)), np.zeros((0, 3), np.int32)) if one is None else one.shape
-    below = _joined(plan.below, drawn, reach)
-    return join(below, _joined(plan.above, drawn, reach), plan, reach)
+        drawn = next(tried).drawn
+        return Shape(np.zeros((0, 3)), np.zeros((0, 3), np.int32)) if drawn is None else drawn.shape
+    below = _joined(plan.below, tried, reach)
+    return join(below, _joined(plan.above, tried, reach), plan, reach)

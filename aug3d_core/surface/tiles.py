@@ -15,9 +15,9 @@ from jaxtyping import Bool, Float
 
 from aug3d_core.geometry.fused import Fused
 
-# Four million points take about 2 GiB (0.45 KiB each, measured), and lie on about 2,000 x 2,000 of their spacings: the
-# deepest octree has cells for 3,700
-MOST_POINTS = 4_000_000
+# Three million points take 2 GiB (0.7 KiB each at cells of two spacings, measured), and lie on about 1,700 x 1,700 of their
+# spacings: the deepest octree has cells for 3,700
+MOST_POINTS = 3_000_000
 SAMPLE = 200_000  # points that tell where to halve the ground
 PART = 1_000_000  # points that are read at a time
 BULK = (0.01, 0.99)  # quantiles between which the ground is measured: strays do not count
