@@ -1,5 +1,7 @@
 """A surface in tiles of ground is the surface: on the truth, closed at the borders, the same with any number of processes."""
 
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,14 @@ from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.surface.draw import Drawn, draw
+from aug3d_core.surface.draw import Drawn, _each, draw
 from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.join import rim_edges
 from aug3d_core.surface.poisson import CELL_SPACINGS, reconstruct
-from aug3d_core.surface.tiles import Halved, plan_tiles
+from aug3d_core.surface.tiles import EVERYWHERE, Halved, Planned, plan_tiles
 from tests.engines.test_surface import LAKE, LAKE_RADIUS, hills, on_hills
 
 COUNT, MOST = 24_000, 7_000
@@ -136,3 +139,13 @@ def test_even_cells_are_two_spacings_wide():
     steps = np.diff(often) / (CELL_SPACINGS * 0.5)
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
     assert steps.min() > 0.9
+
+
+def killed(tile: Planned) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_tile_whose_process_is_killed_is_an_error_that_is_tried_again():
+    with pytest.raises(WorkerDied, match="was killed") as died:
+        list(_each(killed, [Planned(EVERYWHERE, 1.0)], 1))
+    assert died.value.cause == "killed"
