@@ -245,6 +245,21 @@ def bench_view(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_js
     _bench("view", home, preset, set_, as_json, measure)
 
 
+@bench.command("tiles")
+def bench_tiles(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """The town's surface in 1, 4 and 16 tiles of ground: accuracy, what borders cost, and memory (twice the demo's time).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import tiles
+
+        return Measurement(tiles.figures(store, scene, say))
+
+    _bench("tiles", home, preset, set_, as_json, measure)
+
+
 @bench.command("scale")
 def bench_scale(
     home: Home = HOME,

@@ -26,6 +26,12 @@ class Fused(_Arrays):
     views: UInt8[np.ndarray, " n"]  # how many photos agreed
 
     @classmethod
+    def count(cls, path: Path) -> int:
+        """Return how many points `save` wrote, without reading them."""
+        with zipfile.ZipFile(path) as arrays, arrays.open("xyz.npy") as member:
+            return _head(cast(zipfile.ZipExtFile, member))[0][0]
+
+    @classmethod
     def parts(cls, path: Path, points: int) -> Iterator[Fused]:
         """Yield what `save` wrote, so many points at a time: memory does not grow with the file."""
         with zipfile.ZipFile(path) as arrays, ExitStack() as opened:

@@ -1,49 +1,29 @@
-"""One mesh from the points and the photographs of the allowed roles alone."""
+"""A surface and the photographs of the allowed roles alone -> one coloured mesh."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.run.errors import InputError
 from aug3d_core.surface.atlas import atlas_within
-from aug3d_core.surface.colour import Photographs, ground_sampling, paint_vertices
+from aug3d_core.surface.clock import Clock
+from aug3d_core.surface.colour import Photographs, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.surface.decimate import decimate
-from aug3d_core.surface.evidence import gather
-from aug3d_core.surface.poisson import octree_depth, reconstruct
+from aug3d_core.surface.draw import Drawn, nothing
 from aug3d_core.surface.shape import Shape, split_to, triangle_areas
 from aug3d_core.surface.texture import paint_texture
-from aug3d_core.surface.trim import bridged_share, trim
 
 # A hexagonal net of vertices with this spacing covers sqrt(3)/2 spacing^2 per vertex
 AREA_PER_VERTEX = 0.866
 # Texels of a texture per texel that lies in a triangle: charts are not square
 TEXELS_PER_TEXEL = 1.6
-
-
-@dataclass
-class Clock:
-    """Seconds by step."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        """Count the time of a block under a name."""
-        start = time.monotonic()
-        yield
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - start
 
 
 @dataclass(frozen=True)
@@ -62,6 +42,7 @@ class Built:
     gains: Float[np.ndarray, "m 3"]  # that even out the exposures of the photos used
     charts: int
     bridged_share: float  # of the area: closed gaps, where no point is
+    tiles: int  # of ground that it was drawn in
 
     @property
     def best(self) -> Mesh | TexturedMesh:
@@ -70,7 +51,7 @@ class Built:
 
 
 def build(
-    fused: Fused,
+    drawn: Drawn,
     tracks: Tracks,
     views: Views,
     chosen: Int[np.ndarray, " m"],
@@ -80,27 +61,15 @@ def build(
     clock: Clock,
     tick: Callable[[], None],
 ) -> Built:
-    """Build and colour the mesh that the points and the chosen views support; raises InputError if there is none."""
-    with clock.step("evidence"):
-        evidence = gather(fused)
-    with clock.step("poisson"):
-        raw = reconstruct(evidence)
-    with clock.step("trimming"):
-        fine = trim(raw, evidence, config.max_gap_spacings * evidence.spacing, config.min_piece_points)
-    if not len(fine.triangles):
-        raise _nothing(f"no surface stands through the {len(evidence.xyz)} fused points")
-    sampling = ground_sampling(fine, views, chosen)
-    if np.isnan(sampling):
-        raise _nothing("no photograph frames any of the surface through the fused points")
-    with clock.step("decimation"):
-        coarse = decimate(fine, config.max_error_gsd * sampling)
+    """Colour a surface from the chosen views; raises InputError if none sees any of it."""
+    sampling = drawn.ground_sampling
     if config.colour == "texture":
-        detail = _texel(coarse.shape, sampling, config)
-        shape = coarse.shape
+        detail = _texel(drawn.shape, sampling, config)
+        shape = drawn.shape
     else:
-        affordable = float(np.sqrt(triangle_areas(coarse.shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
+        affordable = float(np.sqrt(triangle_areas(drawn.shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
         detail = max(sampling, affordable)
-        shape = split_to(coarse.shape, detail, config.vertex_budget)
+        shape = split_to(drawn.shape, detail, config.vertex_budget)
     photographs = Photographs(views, chosen, images, masks, shape, detail)
     with clock.step("exposure"):
         photographs.even_out(tracks)
@@ -116,16 +85,17 @@ def build(
     return Built(
         Mesh(shape.xyz.astype(np.float32), rgb, shape.triangles),
         textured,
-        len(evidence.xyz),
-        evidence.spacing,
-        octree_depth(evidence),
-        len(fine.triangles),
-        coarse.error,
+        drawn.points,
+        drawn.spacing,
+        drawn.octree_depth,
+        drawn.triangles_full,
+        drawn.decimation_error,
         sampling,
         detail,
         photographs.gains,
         charts,
-        bridged_share(fine, evidence),
+        drawn.bridged_area / drawn.area,
+        drawn.tiles,
     )
 
 
@@ -141,11 +111,5 @@ def _coloured(
     colours = paint_vertices(photographs, shape, config.photos_per_place, tick)
     whole = colours.known[shape.triangles].all(axis=1)
     if not whole.any():
-        raise _nothing("no photo sees any of the surface")
+        raise nothing("no photo sees any of the surface")
     return shape.keep(whole), colours.rgb[np.unique(shape.triangles[whole])]
-
-
-def _nothing(problem: str) -> InputError:
-    return InputError(
-        problem, "take more photos of textured ground with at least 60 % overlap, or use larger working copies"
-    )

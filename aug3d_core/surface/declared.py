@@ -24,8 +24,8 @@ SURFACE = Stage(
         ),
         lower="decimation_error_gsd *_seconds",
         neither=(
-            "points point_spacing_gsd octree_depth vertices triangles triangles_full bridged_share "
-            "colour_detail_gsd texels charts exposure_spread baseline_points baseline_point_spacing_gsd "
+            "points tiles point_spacing_gsd octree_depth vertices triangles triangles_full bridged_share "
+            "colour_detail_gsd texels charts exposure_spread baseline_points baseline_tiles baseline_point_spacing_gsd "
             "baseline_octree_depth baseline_vertices baseline_triangles baseline_triangles_full "
             "baseline_decimation_error_gsd baseline_bridged_share baseline_colour_detail_gsd baseline_texels "
             "baseline_charts baseline_exposure_spread needs"

@@ -19,7 +19,6 @@ from PIL import Image
 from scipy.spatial import KDTree
 
 from aug3d_core.depth.files import BASELINE_FUSED, FUSED
-from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Tracks, Views
@@ -28,9 +27,11 @@ from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
 from aug3d_core.surface import checks
-from aug3d_core.surface.build import Built, Clock, build
+from aug3d_core.surface.build import Built, build
+from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decisions import decisions
+from aug3d_core.surface.draw import draw
 from aug3d_core.surface.files import (
     BASELINE_MESH,
     BASELINE_MESH_TEXTURE,
@@ -80,17 +81,19 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     )
     train, given, targets = scene.having("train"), scene.having("train", "gap", "support"), scene.having("target")
     clock, tick = Clock(), _counter(2 * (len(train) + len(given)) + 1, progress)
-    train_mesh = _build(scene, inputs["depth"] / FUSED, train, clock, tick)
+
+    def told(done: int, tiles: int) -> None:
+        progress(done, tiles, "drawing the surface, tile by tile")
+
+    train_mesh = _build(scene, inputs["depth"] / FUSED, train, clock, told, tick)
     _save(train_mesh, out, MESH, TEXTURED_MESH, MESH_TEXTURE)
-    baseline = _build(scene, inputs["depth"] / BASELINE_FUSED, given, clock, tick)
+    baseline = _build(scene, inputs["depth"] / BASELINE_FUSED, given, clock, told, tick)
     _save(baseline, out, BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE)
     sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
     (out / MESH_SOURCES).write_text(json.dumps(sources))
     known = evenly_spread(given, config.check_views)
     with clock.step("checks"):
-        renders = checks.render_views(
-            baseline.best, views, [*targets, *known], _exposures(views, given, baseline.gains)
-        )
+        renders = checks.render_views(baseline.best, views, [*targets, *known], exposures(views, given, baseline.gains))
         _save_renders(out / BASELINE_RENDERS, renders[: len(targets)], views, targets)
         reasons = _reasons(baseline, config)
         figures = _figures(train_mesh, baseline) | {"needs": "; ".join(reasons.values())}
@@ -108,7 +111,7 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     )
 
 
-def _exposures(views: Views, given: Int[np.ndarray, " m"], gains: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 3"]:
+def exposures(views: Views, given: Int[np.ndarray, " m"], gains: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 3"]:
     """Return the factors that even out each view; a target's is taken from the given photos nearest to it."""
     at = centres(views.cam_from_world)
     nearest = KDTree(at[given]).query(at, k=min(NEIGHBOURS, len(given)))[1].reshape(len(views), -1)
@@ -129,10 +132,16 @@ def _counter(total: int, progress: Progress) -> Callable[[], None]:
     return tick
 
 
-def _build(scene: _Scene, fused: Path, chosen: np.ndarray, clock: Clock, tick: Callable[[], None]) -> Built:
-    return build(
-        Fused.load(fused), scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick
-    )
+def _build(
+    scene: _Scene,
+    fused: Path,
+    chosen: np.ndarray,
+    clock: Clock,
+    told: Callable[[int, int], None],
+    tick: Callable[[], None],
+) -> Built:
+    drawn = draw(fused, scene.views, chosen, scene.config, clock, told)
+    return build(drawn, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick)
 
 
 def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:
@@ -154,6 +163,7 @@ def _figures(train: Built, baseline: Built) -> dict[str, Metric]:
         gsd = built.ground_sampling
         figures |= {
             f"{prefix}points": built.points,
+            f"{prefix}tiles": built.tiles,
             f"{prefix}point_spacing_gsd": round(built.point_spacing / gsd, 3),
             f"{prefix}octree_depth": built.octree_depth,
             f"{prefix}vertices": len(built.mesh.xyz),

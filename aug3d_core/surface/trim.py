@@ -7,28 +7,32 @@ from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 from aug3d_core.surface.evidence import Evidence
-from aug3d_core.surface.shape import Shape, drop_small_pieces, triangle_areas
+from aug3d_core.surface.shape import Shape, drop_small_pieces
+from aug3d_core.surface.tiles import EVERYWHERE, Tile
 
 REACH = 2.0  # spacings around a point in which it speaks for the surface
 
 
-def trim(shape: Shape, evidence: Evidence, max_gap: float, min_points: int) -> Shape:
-    """Cut what no point supports, close holes of up to `max_gap` across, and drop loose pieces of too few points."""
+def trim(shape: Shape, evidence: Evidence, max_gap: float, min_points: int, read: Tile = EVERYWHERE) -> Shape:
+    """Cut what no point supports, close holes of up to `max_gap` across, and drop loose pieces of too few points.
+
+    A piece that reaches the end of the ground whose points were `read` may go on beyond it, and stays.
+    """
     kept = shape.keep(_supported(shape.xyz, evidence, max_gap / 2)[shape.triangles].all(axis=1))
     if not len(kept.triangles):
         return kept
     # Points, not area: around a few stray ones Poisson blows a bubble of many triangles
     distance, vertex = map(np.asarray, KDTree(kept.xyz).query(evidence.xyz))
-    points = np.bincount(vertex[distance <= REACH * evidence.spacing], minlength=len(kept.xyz))
-    return drop_small_pieces(kept, points.astype(float), min_points)
+    reach = REACH * evidence.spacing
+    points = np.bincount(vertex[distance <= reach], minlength=len(kept.xyz)).astype(float)
+    points[~read.grown(-reach).holds(kept.xyz)] = np.inf
+    return drop_small_pieces(kept, points, min_points)
 
 
-def bridged_share(shape: Shape, evidence: Evidence) -> float:
-    """Return the share of the area that no point speaks for: gaps that were closed."""
+def bridged(shape: Shape, evidence: Evidence) -> Bool[np.ndarray, " t"]:
+    """Tell which triangles no point speaks for: gaps that were closed."""
     middles = shape.xyz[shape.triangles].mean(axis=1)
-    alone = np.asarray(KDTree(evidence.xyz).query(middles)[0]) > REACH * evidence.spacing
-    area = triangle_areas(shape)
-    return float(area[alone].sum() / area.sum())
+    return np.asarray(KDTree(evidence.xyz).query(middles)[0]) > REACH * evidence.spacing
 
 
 def _supported(xyz: Float[np.ndarray, "v 3"], evidence: Evidence, radius: float) -> Bool[np.ndarray, " v"]:

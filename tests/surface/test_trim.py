@@ -2,7 +2,7 @@ import numpy as np
 
 from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.shape import Shape, triangle_areas
-from aug3d_core.surface.trim import bridged_share, trim
+from aug3d_core.surface.trim import bridged, trim
 
 
 def sheet(side: int = 60, height: float = 0.0) -> Shape:
@@ -30,9 +30,9 @@ def middle(shape: Shape) -> bool:
 
 def test_what_bridges_a_gap_is_counted():
     net = points(0, 60, hole=12)
-    share = bridged_share(sheet(), net)
-    assert 9**2 < share * 60**2 / np.pi < 12**2
-    assert bridged_share(sheet(), points(0, 60)) == 0
+    area = triangle_areas(sheet())[bridged(sheet(), net)].sum()
+    assert 9**2 < area / np.pi < 12**2
+    assert not bridged(sheet(), points(0, 60)).any()
 
 
 def test_a_small_hole_is_closed_and_a_wide_one_stays():

@@ -26,6 +26,11 @@ from aug3d_core.run.memory import total_bytes
 
 MEGA = 1e6
 _TEXTURED_MPX = 25.0  # of depth maps, of which a texture is as large as it may be
+_TILED_MPX, _TILE_MIB = (
+    38.0,
+    3150.0,
+)  # of depth maps that give more points than one tile holds, and a tile's: surface/draw.py
+_TILES_SHARE = 0.5  # of the memory, for the tiles that are drawn at a time
 _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
 _USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
 _PROBED = 430
@@ -222,10 +227,11 @@ def _surface(scene: Scene) -> Work:
     textured = (
         min(pixels, _TEXTURED_MPX * scene.config.surface.texel_budget / 2**24) / scene.config.surface.texel_gsd**2
     )
+    tiled = min(80 * pixels, scene.cores * _TILE_MIB, max(_TILES_SHARE * scene.memory_mib, _TILE_MIB))
     return Work(
         one_core_s=9 + 4.2 * pixels + 2.0 * textured,
         all_cores_s=2.3 * pixels + 2.0 * textured,
-        peak_mib=440 + 40 * pixels + 17 * textured,
+        peak_mib=440 + (40 * pixels if pixels <= _TILED_MPX else tiled) + 17 * textured,
         disk_mib=3 + 0.4 * pixels + 2.0 * textured,
     )
 
