@@ -34,7 +34,7 @@ MOST_PX = 1.0
 # places of up to `_REACH` neighbours on each side leave a line by no more of a step. A line through many of them: the wobble of
 # single places is no velocity, and made the answer too small by a half where it is all that tells.
 _MOST_TURN_DEG, _MOST_RATIO, _REACH, _MOST_OFF = 20.0, 1.5, 3, 0.15
-_FEWEST_VIEWS = 6
+_FEWEST_VIEWS = 10  # of 8, one flight of 12 without a rolling shutter was given one; of 12, none of 150
 _MOST_VIEWS, _MOST_OBSERVATIONS = 150, 15_000
 _WRONG = 10.0  # times the median residual: wrong matches, whose row is not known either
 _ROUNDS = 5

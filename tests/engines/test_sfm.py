@@ -102,6 +102,7 @@ def test_metrics_and_files_are_complete(flown: tuple[Path, dict[str, Any]]) -> N
     assert metrics["reprojection_px"] < 0.6
     assert metrics["gps_residual_m_median"] < 0.5
     assert metrics["components"] == 1
+    assert metrics["rolling_shutter"] == "cannot be told" and metrics["readout_ms"] is None, "lines to and fro"
     assert {path.name for path in (folder / "sfm" / "files" / "model").iterdir()} >= {"cameras.bin", "images.bin"}
     assert not list((folder / "sfm" / "files").glob("tmp*"))
     for picture in outcome["pictures"].values():
