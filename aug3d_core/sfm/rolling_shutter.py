@@ -38,6 +38,7 @@ _FEWEST_VIEWS = 10  # of 8, one flight of 12 without a rolling shutter was given
 _MOST_VIEWS, _MOST_OBSERVATIONS = 150, 15_000
 _WRONG = 10.0  # times the median residual: wrong matches, whose row is not known either
 _ROUNDS = 5
+_EXACT_PX = 1e-3  # residuals below are none
 _CHANCE = 0.01
 # What the interval holds beside noise. Of the picture's width: what no model of a lens fits, which looked like a movement of
 # up to 2.4e-5 where nothing moved (towns, brighton). Of the answer: the system is linear, and velocities are rough
@@ -112,8 +113,8 @@ def shutter_notes(shutter: RollingShutter | None) -> tuple[str, ...]:
     read = f", read in {1000 * shutter.readout_s:.0f} ms" if shutter.readout_s else ""
     return (
         f"rolling shutter: the camera flies on while it reads a photograph{read}, by {px:.1f} px ({least:.1f} to {most:.1f}) "
-        f"from the first row to the last: poses and heights are off by about as much; fly at 1/{np.ceil(px / MOST_PX):.0f} of "
-        "the speed, stop for each photograph, or use a camera with a mechanical shutter",
+        f"from the first row to the last: cameras are off by as much of the ground, or more; fly at 1/{np.ceil(px / MOST_PX):.0f} "
+        "of the speed, stop for each photograph, or use a camera with a mechanical shutter",
     )
 
 
@@ -204,7 +205,7 @@ def _fit_to_use(views: Views, points: Points, tracks: Tracks, used: Bool[np.ndar
     good = used[tracks.view] & (xyz[:, 2] > 0)
     x, y = (xyz[:, :2] / np.where(good, xyz[:, 2], 1.0)[:, None]).T
     off_px = np.linalg.norm(tracks.xy - np.column_stack([fx * x + cx, fy * y + cy]), axis=1)
-    good &= off_px <= _WRONG * np.median(off_px[good]) if good.any() else good
+    good &= off_px <= _WRONG * max(float(np.median(off_px[good])), _EXACT_PX) if good.any() else good
     good &= np.bincount(tracks.point[good], minlength=len(points.xyz))[tracks.point] >= 3
     several = np.unique(tracks.point[good])
     return good & np.isin(tracks.point, several[:: 1 + good.sum() // _MOST_OBSERVATIONS])
@@ -259,7 +260,7 @@ def _fit(seen: _Seen) -> _Fit:
     told, left, share = _fit_once(others, weight, columns)
     for _ in range(_ROUNDS):
         off_px = np.linalg.norm((left / weight).reshape(-1, 2), axis=1)
-        weight = np.repeat(1 / np.hypot(1, off_px / (2 * np.median(off_px))), 2)
+        weight = np.repeat(1 / np.hypot(1, off_px / max(2 * float(np.median(off_px)), _EXACT_PX)), 2)
         told, left, share = _fit_once(others, weight, columns)
     across = (seen.flow_px[:, ::-1] * [1, -1] * seen.row[:, None]).ravel()
     moved = others.cannot_explain(weight, np.hstack([_of_each(seen.view, effect), _of_each(seen.view, across)]))

@@ -11,7 +11,7 @@ import pycolmap
 import pytest
 
 from aug3d_core.geometry.similarity import Similarity, fit_similarity
-from aug3d_core.geometry.transforms import centres
+from aug3d_core.geometry.transforms import centres, project
 from aug3d_core.photos.files import image_name
 from aug3d_core.sfm import export, rolling_shutter
 from aug3d_core.sfm.camera_model import adjust
@@ -216,6 +216,17 @@ def test_who_does_not_fly_tells_nothing() -> None:
     twice = photos.loc[photos.index.repeat(2)].reset_index(drop=True)
     assert measure_rolling_shutter(every_other, arrays.points, arrays.tracks, twice) is None, "neighbours are missing"
     assert shutter_metrics(None)["rolling_shutter"] == "cannot be told" and not shutter_notes(None)
+
+
+def test_what_fits_exactly_moved_by_nothing() -> None:
+    arrays, photos, _ = adjusted(Flight())
+    views, points, tracks = arrays.views, arrays.points, arrays.tracks
+    in_cam = np.einsum("tij,tj->ti", views.cam_from_world[tracks.view, :, :3], points.xyz[tracks.point])
+    in_cam += views.cam_from_world[tracks.view, :, 3]
+    exact = replace(tracks, xy=project(in_cam, views.intrinsics[0]))
+    shutter = measure_rolling_shutter(views, points, exact, photos)
+    assert shutter is not None
+    assert shutter.word == "not seen" and abs(shutter.px) < 1e-6
 
 
 def test_of_many_photographs_and_points_a_part_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
