@@ -111,10 +111,11 @@ def shutter_notes(shutter: RollingShutter | None) -> tuple[str, ...]:
         return ()
     px, (least, most) = abs(shutter.px), sorted((abs(shutter.low_px), abs(shutter.high_px)))
     read = f", read in {1000 * shutter.readout_s:.0f} ms" if shutter.readout_s else ""
+    slower = int(np.ceil(px / MOST_PX))
     return (
         f"rolling shutter: the camera flies on while it reads a photograph{read}, by {px:.1f} px ({least:.1f} to {most:.1f}) "
-        f"from the first row to the last: cameras are off by as much of the ground, or more; fly at 1/{np.ceil(px / MOST_PX):.0f} "
-        "of the speed, stop for each photograph, or use a camera with a mechanical shutter",
+        f"from the first row to the last: cameras are off by as much of the ground or more; fly at 1/{slower} of "
+        "the speed, stop for each photograph, or use a camera with a mechanical shutter",
     )
 
 
