@@ -11,6 +11,7 @@ from typing import Literal
 # The unit stands in the name, with another figure after it at most (`pose_error_m_median`); the first that fits.
 _UNITS = (
     ("s", re.compile(r"(^|_)seconds")),
+    ("ms", re.compile(r"_ms(_|$)")),
     ("1/s", re.compile(r"per_second$")),
     ("1/min", re.compile(r"per_minute$")),
     ("", re.compile(r"share|ssim")),

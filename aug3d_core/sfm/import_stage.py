@@ -24,6 +24,7 @@ from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
 from aug3d_core.sfm.given_model import matched_keypoints, triangulated, with_given_points
 from aug3d_core.sfm.mapping import SMALLEST_MODEL
+from aug3d_core.sfm.rolling_shutter import measure_rolling_shutter, shutter_metrics, shutter_notes
 from aug3d_core.sfm.unplaced import listed
 from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
 
@@ -60,13 +61,19 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     write_outputs(model, arrays, [], located, photos, images, out)
     _unplaced(photos, given, refused).to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, located, photos)
-    metrics = model_metrics(model, arrays, located, photos, doming) | {
-        "components": 1,
-        "photos_fit_median": float(np.nanmedian(fit)),
-        "photos_contradicted": len(refused),
-    }
+    shutter = measure_rolling_shutter(arrays.views, arrays.points, arrays.tracks, photos)
+    metrics = (
+        model_metrics(model, arrays, located, photos, doming)
+        | shutter_metrics(shutter)
+        | {
+            "components": 1,
+            "photos_fit_median": float(np.nanmedian(fit)),
+            "photos_contradicted": len(refused),
+        }
+    )
     loose = model.compute_mean_reprojection_error() > _LOOSE_PX
-    notes = _notes(photos, {one.photo_id for one in given}, refused, check)
+    read = shutter_notes(shutter)
+    notes = (*_notes(photos, {one.photo_id for one in given}, refused, check), *read)
     if loose:
         notes += (
             f"poses and photographs fit loosely: {metrics['reprojection_px']:.1f} px between points and pictures",
@@ -74,7 +81,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     few = len(arrays.views) < 0.5 * len(photos)
     return Outcome(
         metrics=metrics,
-        state="degraded" if few or refused or loose or located.problem or (doming and doming.flagged) else "ok",
+        state="degraded" if few or refused or loose or read or located.problem or (doming and doming.flagged) else "ok",
         notes=notes + alignment_notes(located) + (doming.notes if doming else ()),
         pictures={"Points and cameras from above": SFM_MAP},
         decisions=tuple(sfm_decisions(metrics)),

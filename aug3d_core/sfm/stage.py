@@ -23,6 +23,7 @@ from aug3d_core.sfm.joint import Joint, weakest_joint
 from aug3d_core.sfm.mapping import Mapped, reconstruct
 from aug3d_core.sfm.matching_table import read_matching_table
 from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_baseline
+from aug3d_core.sfm.rolling_shutter import measure_rolling_shutter, shutter_metrics, shutter_notes
 from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
 from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
 
@@ -70,8 +71,9 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     unplaced.to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, located, photos)
     metrics = model_metrics(chosen.model, arrays, located, photos, doming) | _choices(mapped, chosen)
+    shutter = measure_rolling_shutter(arrays.views, arrays.points, arrays.tracks, photos)
     joint = weakest_joint(arrays.tracks, len(arrays.views))
-    metrics |= {
+    metrics |= shutter_metrics(shutter) | {
         "components": len(mapped.models),
         "grown_from": len(earlier.images) if earlier else 0,
         "weakest_joint_points": joint and joint.points,
@@ -79,7 +81,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     }
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
-    doubts = _doubts(arrays, joint)
+    doubts = [*_doubts(arrays, joint), *shutter_notes(shutter)]
     if may_be_one_spot and not chosen.focal_known and not located.alignment.metric:
         doubts.append(_SPOT_NOTE)
     return Outcome(

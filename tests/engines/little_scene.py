@@ -19,6 +19,7 @@ SIZE = (320, 240)
 FOCAL_35MM = 30
 FOCAL_PX = FOCAL_35MM / np.hypot(36, 24) * np.hypot(*SIZE)
 ORIGIN = np.array([52.2, 21.0, 110.0])
+STANDING = np.zeros(3)
 _TEXELS_PER_M = 5
 _HALF_M = 80
 
@@ -45,18 +46,18 @@ class LittleScene:
         self.planes += [(rng.uniform(3, 12), low, low + rng.uniform(6, 14, 2)) for low in corners]
         self.textures = [_texture(rng) for _ in self.planes]
 
-    def photograph(self, cam_from_world: np.ndarray) -> Image.Image:
-        """Render one view, four rays to the pixel."""
+    def photograph(self, cam_from_world: np.ndarray, read_m: np.ndarray = STANDING) -> Image.Image:
+        """Render one view, four rays to the pixel. read_m: how far the camera flies on from the first row to the last."""
         width, height = SIZE[0] * 2, SIZE[1] * 2
         v, u = np.mgrid[:height, :width] + 0.5
         rays = np.stack([(u - width / 2) / (2 * FOCAL_PX), (v - height / 2) / (2 * FOCAL_PX), np.ones_like(u)], axis=-1)
         rays = rays @ invert(cam_from_world)[:, :3].T
-        centre = centres(cam_from_world)
+        centre = centres(cam_from_world) + read_m * ((np.arange(height) + 0.5) / height - 0.5)[:, None, None]
         nearest, grey = np.full(rays.shape[:2], np.inf), np.full(rays.shape[:2], 128.0)
         for (z, low, high), texture in zip(self.planes, self.textures, strict=True):
-            there = _window(cam_from_world, np.append(low, z), np.append(high, z))
-            depth = (z - centre[2]) / rays[there][..., 2]
-            xy = centre[:2] + depth[..., None] * rays[there][..., :2]
+            there = np.s_[:, :] if read_m.any() else _window(cam_from_world, np.append(low, z), np.append(high, z))
+            depth = (z - centre[there[0], :, 2]) / rays[there][..., 2]
+            xy = centre[there[0], :, :2] + depth[..., None] * rays[there][..., :2]
             hit = ((xy >= low) & (xy < high)).all(axis=-1) & (depth > 0) & (depth < nearest[there])
             texel = ((xy[hit] + _HALF_M) * _TEXELS_PER_M).astype(int) % len(texture)
             nearest[there][hit], grey[there][hit] = depth[hit], texture[texel[:, 1], texel[:, 0]]
@@ -83,9 +84,9 @@ def little_scene(seed: int) -> LittleScene:
 
 
 @lru_cache(maxsize=64)
-def _photographed(seed: int, cam_from_world: bytes) -> Image.Image:
+def _photographed(seed: int, cam_from_world: bytes, read_m: bytes) -> Image.Image:
     """Return what `LittleScene.photograph` makes: flights that differ in what EXIF says show the same."""
-    return little_scene(seed).photograph(np.frombuffer(cam_from_world).reshape(3, 4))
+    return little_scene(seed).photograph(np.frombuffer(cam_from_world).reshape(3, 4), np.frombuffer(read_m))
 
 
 def write_flight(
@@ -96,14 +97,19 @@ def write_flight(
     start: int = 0,
     noise_m: float = 0.0,
     focal_35mm: int | None = FOCAL_35MM,
+    read_m: np.ndarray | None = None,
 ) -> Path:
-    """Write the photographs of a flight as JPEGs with EXIF, of which `focal_35mm` may be a lie."""
+    """Write the photographs of a flight as JPEGs with EXIF, of which `focal_35mm` may be a lie.
+
+    read_m: how far each camera flies on while its rows are read.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     positions = centres(cam_from_world) + rng.normal(size=(len(cam_from_world), 3)) * noise_m
     for i, (pose, place) in enumerate(zip(cam_from_world, geodetic_from_enu(positions, ORIGIN), strict=True), start):
         exif = _exif(i, place if gps else None, focal_35mm)
-        _photographed(seed, pose.tobytes()).save(folder / f"photo_{i}.jpg", quality=95, exif=exif)
+        read = STANDING if read_m is None else read_m[i - start]
+        _photographed(seed, pose.tobytes(), read.tobytes()).save(folder / f"photo_{i}.jpg", quality=95, exif=exif)
     return folder
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.similarity import fit_similarity
-from aug3d_core.geometry.transforms import apply, centres, project
+from aug3d_core.geometry.transforms import apply, centres, look_at, project
 from tests.engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
 from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, run_stage, run_stage_killed, take_photos
 
@@ -102,6 +102,7 @@ def test_metrics_and_files_are_complete(flown: tuple[Path, dict[str, Any]]) -> N
     assert metrics["reprojection_px"] < 0.6
     assert metrics["gps_residual_m_median"] < 0.5
     assert metrics["components"] == 1
+    assert metrics["rolling_shutter"] == "cannot be told" and metrics["readout_ms"] is None, "too few"
     assert {path.name for path in (folder / "sfm" / "files" / "model").iterdir()} >= {"cameras.bin", "images.bin"}
     assert not list((folder / "sfm" / "files").glob("tmp*"))
     for picture in outcome["pictures"].values():
@@ -143,6 +144,23 @@ def test_parts_that_few_points_join_are_told(tmp_path: Path) -> None:
     assert (outcome["metrics"]["registered"], outcome["state"]) == (12, "degraded")
     assert outcome["metrics"]["weakest_joint_share"] < 0.3
     assert any("6 photographs and the other 6 are joined by" in note for note in outcome["notes"])
+
+
+def test_a_rolling_shutter_is_told_with_what_to_do(tmp_path: Path) -> None:
+    """Four lines to and fro, with one heading; every two seconds, 9 m on, of which reading takes an eighth."""
+    rng = np.random.default_rng(0)
+    places, read_m = [], []
+    for line, way in enumerate([1, -1, 1, -1]):
+        places += [np.array([20 * line - 30, 9 * way * shot, 50.0]) + rng.normal(0, 0.3, 3) for shot in range(-3, 4)]
+        read_m += [np.array([0, 9 / 8 * way, 0])] * 7
+    cameras = np.stack([look_at(at, at * [1, 1, 0] + np.append(rng.uniform(-1, 1, 2), 0)) for at in places])
+    photos = take_photos(write_flight(tmp_path / "in", cameras, read_m=np.stack(read_m)), tmp_path / "photos")
+    outcome = run_sfm(photos, tmp_path / "sfm")
+    metrics, moved_px = outcome["metrics"], 9 / 8 / 50 * FOCAL_PX
+    assert metrics["rolling_shutter"] == "seen" and outcome["state"] == "degraded"
+    assert metrics["rolling_shutter_low_px"] < moved_px < metrics["rolling_shutter_high_px"]
+    assert metrics["readout_ms"] == pytest.approx(250, rel=0.2)
+    assert any("fly at 1/" in note for note in outcome["notes"])
 
 
 def test_without_gps_the_world_is_level_scene_units(tmp_path: Path) -> None:

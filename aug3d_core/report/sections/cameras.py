@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from html import escape
 
 import numpy as np
@@ -13,6 +14,7 @@ from aug3d_core.report.html import number, table, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.sections.control import control_points, surveyed
 from aug3d_core.report.sections.gps import gps_errors
+from aug3d_core.run.stage import Metric
 from aug3d_core.sfm.files import MATCHING_TABLE, UNPLACED
 from aug3d_core.split.files import SPLIT_TABLE
 
@@ -40,7 +42,23 @@ def _placed(run: ReportedRun) -> str:
             f" {number(placed.metrics['observations'])} observations,"
             f" {number(placed.metrics['reprojection_px'], 3)} px mean reprojection error."
         )
+        said += _shutter(placed.metrics)
     return tag("p", " ".join(said))
+
+
+def _shutter(metrics: Mapping[str, Metric]) -> Iterator[str]:
+    """Say how far the camera flew on while it read a photograph; nothing of runs that did not measure it."""
+    word, low_px, high_px = (metrics.get(f"rolling_shutter{name}") for name in ("", "_low_px", "_high_px"))
+    if word is None:
+        return
+    if low_px is None:
+        yield "Rolling shutter: cannot be told, for too few photographs were taken in straight flight."
+        return
+    interval = f"{number(low_px, 2)} to {number(high_px, 2)} px from the first row to the last (99 % interval)"
+    readout_ms = metrics.get("readout_ms")
+    read = f", rows read in {number(readout_ms, 2)} ms" if readout_ms else ""
+    why = "; lines that cross would tell" if word == "cannot be told" else ""
+    yield f"Rolling shutter: {word}, {interval}{read}{why}."
 
 
 def _left_out(run: ReportedRun) -> str:

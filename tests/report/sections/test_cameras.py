@@ -17,6 +17,31 @@ def test_photographs_are_counted_and_those_left_out_have_a_reason(tmp_path):
     assert "1 show the same as the photograph before" in page and "not needed" in page
 
 
+@pytest.mark.parametrize(
+    ("word", "px", "said"),
+    [
+        (
+            "seen",
+            (3.5, 4.5, 33.0),
+            "seen, 3.5 to 4.5 px from the first row to the last (99 % interval), rows read in 33 ms.",
+        ),
+        ("not seen", (-0.2, 0.3, None), "not seen, -0.2 to 0.3 px from the first row to the last (99 % interval)."),
+        ("cannot be told", (-2.0, 3.0, None), "cannot be told, -2 to 3 px from"),
+        ("cannot be told", (None, None, None), "cannot be told, for too few photographs"),
+    ],
+)
+def test_the_shutter_is_told_with_its_interval(tmp_path, word, px, said):
+    run = flown(tmp_path)
+    placed = run.record("sfm").metrics
+    placed["rolling_shutter"] = word
+    placed |= dict(zip(("rolling_shutter_low_px", "rolling_shutter_high_px", "readout_ms"), px, strict=True))
+    assert f"Rolling shutter: {said}" in cameras(run)
+
+
+def test_runs_from_before_say_nothing_of_the_shutter(tmp_path):
+    assert "hutter" not in cameras(flown(tmp_path))
+
+
 def test_no_name_of_a_file_becomes_html(tmp_path):
     page = cameras(flown(tmp_path))
     assert (
