@@ -147,11 +147,11 @@ def test_parts_that_few_points_join_are_told(tmp_path: Path) -> None:
 
 
 def test_a_rolling_shutter_is_told_with_what_to_do(tmp_path: Path) -> None:
-    """Four lines to and fro, with one heading; every two seconds, 9 m on, of which reading takes an eighth."""
+    """Three lines to and fro, with one heading; every two seconds, 9 m on, of which reading takes an eighth."""
     rng = np.random.default_rng(0)
     places, read_m = [], []
-    for line, way in enumerate([1, -1, 1, -1]):
-        places += [np.array([20 * line - 30, 9 * way * shot, 50.0]) + rng.normal(0, 0.3, 3) for shot in range(-3, 4)]
+    for line, way in enumerate([1, -1, 1]):
+        places += [np.array([20 * line - 20, 9 * way * shot, 50.0]) + rng.normal(0, 0.3, 3) for shot in range(-3, 4)]
         read_m += [np.array([0, 9 / 8 * way, 0])] * 7
     cameras = np.stack([look_at(at, at * [1, 1, 0] + np.append(rng.uniform(-1, 1, 2), 0)) for at in places])
     photos = take_photos(write_flight(tmp_path / "in", cameras, read_m=np.stack(read_m)), tmp_path / "photos")
@@ -195,16 +195,6 @@ def test_the_larger_of_two_scenes_is_taken_and_the_other_kept(tmp_path: Path) ->
     unplaced = pd.read_parquet(tmp_path / "sfm" / "files" / "unplaced.parquet")
     assert unplaced["photo_id"].tolist() == list(range(6))
     assert set(unplaced["reason"]) == {"separate island"}
-
-
-def test_thirty_photographs_of_nothing_in_common(tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
-    for i in range(30):
-        noise = np.random.default_rng(i).integers(0, 256, (60, 80, 3), dtype=np.uint8)
-        Image.fromarray(noise).resize((320, 240), Image.Resampling.BICUBIC).save(tmp_path / "in" / f"{i}.jpg")
-    error = run_sfm(take_photos(tmp_path / "in", tmp_path / "photos"), tmp_path / "sfm", max_features=1024)
-    assert "no scene could be reconstructed" in error["problem"]
-    assert "overlap by 60 %" in error["remedy"]
 
 
 def test_real_photographs_over_a_lake_shore(real_photos: Path, tmp_path: Path) -> None:

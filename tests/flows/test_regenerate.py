@@ -7,6 +7,7 @@ import json
 import shutil
 import threading
 from collections.abc import Iterator
+from contextvars import copy_context
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +136,8 @@ def workers(store: Store, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]
                     run_flow(regenerate.regenerate, flow_run=run, parameters=given, return_type="state")
 
     asyncio.run(registered())
-    thread = threading.Thread(target=work)
+    # With this thread's settings: without them Prefect starts a server of its own there, and imports it beside this thread
+    thread = threading.Thread(target=copy_context().run, args=(work,))
     thread.start()
     yield took
     ended.set()

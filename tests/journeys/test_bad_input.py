@@ -45,4 +45,5 @@ def test_thirty_photos_of_nothing_in_common(tmp_path: Path, served: dict[str, st
     for seed in range(30):
         noise_photo(folder / f"{seed:02d}.jpg", seed)
     failure = refuse(tmp_path, folder, served)
-    assert "30" in failure["problem"] and failure["remedy"]
+    assert "no scene could be reconstructed" in failure["problem"] and "30" in failure["problem"]
+    assert "overlap by 60 %" in failure["remedy"]
