@@ -40,23 +40,19 @@ def adjust_to_control(model: pycolmap.Reconstruction, marks: pd.DataFrame, told:
 
     marks: the table of `aug3d_core.photos.control`. Residuals and errors of the survey are then those of the new model.
     """
-    errors, roles = (
-        [f"error_{axis}_m" for axis in AXES],
-        list(zip(told.table["point"], told.table["role"], strict=True)),
-    )
-    control, doubted = ([name for name, role in roles if role == which] for which in ("control", "wrong"))
-    moved = told.table.set_index("point")[errors]
+    table, errors = told.table.set_index("point"), [f"error_{axis}_m" for axis in AXES]
+    control, doubted = (told.table["point"][told.table["role"] == role].tolist() for role in ("control", "wrong"))
+    moved = table[errors]
     if len(control) < FEWEST or moved.loc[control].isna().any(axis=None):
         return Adjusted(told, False)
     right = marks.loc[~marks["line"].isin(told.wrong_lines)]
     bent = _left_out(thinned(model, _POINTS_A_VIEW), right, control, doubted, told)
-    judged = control + _explained(bent, doubted, told)
+    judged = control + _explained(bent.loc[doubted], table.loc[doubted, "pixel_m"])
     moved_m, bent_m = (float(np.sqrt(np.square(off.loc[judged]).sum(axis=1).mean())) for off in (moved, bent))
     if not bent_m < _WORTH * moved_m:
         return Adjusted(told, False, moved_m, bent_m)
     _bend(model, right, judged, told)
     without_wrong_points(model)
-    table = told.table.set_index("point")
     table.loc[judged, "role"] = "control"
     off_m = _off_m(model, right, table.index.tolist(), told)
     table[[f"residual_{axis}_m" for axis in AXES]] = table[errors] = off_m.to_numpy()
@@ -82,11 +78,9 @@ def _left_out(
     return pd.concat(found)
 
 
-def _explained(bent: pd.DataFrame, doubted: list[str], told: Survey) -> list[str]:
+def _explained(bent: pd.DataFrame, pixel_m: pd.Series) -> list[str]:
     """Return the points that were wrong in the world as it was, and are where others have them once it is bent."""
-    off_m = np.linalg.norm(bent.loc[doubted], axis=1)
-    pixel_m = told.table.set_index("point").loc[doubted, "pixel_m"]
-    return [name for name, off, pixel in zip(doubted, off_m, pixel_m, strict=True) if off < WRONG_PX * pixel]
+    return bent.index[np.linalg.norm(bent, axis=1) < WRONG_PX * pixel_m].tolist()
 
 
 def _bend(model: pycolmap.Reconstruction, marks: pd.DataFrame, given: list[str], told: Survey) -> None:

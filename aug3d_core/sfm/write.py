@@ -46,8 +46,12 @@ class Located:
 
     alignment: Alignment
     origin: Float[np.ndarray, " 3"]
-    survey: Survey | None = None
-    adjusted: Adjusted | None = None
+    control: Adjusted | None = None
+
+    @property
+    def survey(self) -> Survey | None:
+        """What control points tell, where there are any."""
+        return self.control and self.control.survey
 
     @property
     def problem(self) -> str:
@@ -70,15 +74,17 @@ def align_model(
     told = None if marks is None else survey(marked_points(model, marks))
     if marks is not None and told and told.world_from_model:
         _move(model, told.world_from_model)
-        adjusted = adjust_to_control(model, marks, told) if adjusting else Adjusted(told, False)
+        control = adjust_to_control(model, marks, told) if adjusting else Adjusted(told, False)
         arrays = export.to_arrays(model)
         geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].fillna({"alt_m": told.origin[2]}).to_numpy(float)
         gps_enu_m = enu_from_geodetic(geodetic[placed], told.origin)
         alignment = align_to_control(arrays.views.cam_from_world, arrays.points.xyz, gps_enu_m)
-        located = Located(alignment, told.origin, adjusted.survey, adjusted)
+        located = Located(alignment, told.origin, control)
     else:
         arrays = export.to_arrays(model)
-        located = Located(_by_gps(arrays, photos, placed, rng), gps_positions(photos)[1], told)
+        located = Located(
+            _by_gps(arrays, photos, placed, rng), gps_positions(photos)[1], told and Adjusted(told, False)
+        )
     _move(model, located.alignment.world_from_model)
     return located, arrays.moved(located.alignment.world_from_model)
 
@@ -187,14 +193,15 @@ def model_metrics(
         "doming_sigma_pct": doming and doming.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),
-    } | (_survey_metrics(located.survey, located.adjusted) if located.survey else {})
+    } | (_survey_metrics(located.control) if located.control else {})
 
 
-def _survey_metrics(told: Survey, adjusted: Adjusted | None) -> dict[str, Metric]:
+def _survey_metrics(control: Adjusted) -> dict[str, Metric]:
+    told = control.survey
     metrics: dict[str, Metric] = {
-        "control_adjusted": bool(adjusted and adjusted.used),
-        "control_left_out_m_moved": adjusted and adjusted.moved_m,
-        "control_left_out_m_adjusted": adjusted and adjusted.adjusted_m,
+        "control_adjusted": control.used,
+        "control_left_out_m_moved": control.moved_m,
+        "control_left_out_m_adjusted": control.adjusted_m,
     }
     for role in ("control", "check"):
         rms_m = told.rms_m(role) if told.world_from_model else None
