@@ -283,6 +283,27 @@ def bench_scale(
     _bench("scale", home, preset, set_, as_json, measure)
 
 
+@bench.command("spoiled")
+def bench_spoiled(
+    home: Home = HOME,
+    preset: Preset = "tiny",
+    photos: Annotated[int, typer.Option(min=40, help="Of both days [photographs].")] = 120,
+    set_: Set = [],
+    as_json: AsJson = False,
+) -> None:
+    """Two days' flights about a lake with broken files and copies among them, beside the same without (half an hour).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import spoiled_flights
+
+        return Measurement(spoiled_flights.figures(store, scene, say, photos))
+
+    _bench("spoiled", home, preset, set_, as_json, measure)
+
+
 def _bench(
     name: str,
     home: Path,
