@@ -15,8 +15,9 @@ from jaxtyping import Bool, Float
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, in_own_process
 from aug3d_core.depth.files import BASELINE_FUSED
-from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.ground_tiles import Halved, Planned
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.stored_points import StoredPoints
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
@@ -25,7 +26,7 @@ from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.join import rim_edges
 from aug3d_core.surface.shape import Shape, edges
-from aug3d_core.surface.tiles import Halved, Planned, plan_tiles
+from aug3d_core.surface.tiles import plan_tiles
 from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
 
 if TYPE_CHECKING:
@@ -81,7 +82,8 @@ def measured(made: _Made, tiles: int) -> dict[str, Figure]:
 
     fused, views = made.depth / BASELINE_FUSED, Views.load(made.sfm / VIEWS)
     given, targets = made.given(views)
-    count = Fused.count(fused)
+    stored = StoredPoints.open(fused)
+    count = len(stored)
     most = count if tiles == 1 else int(count / tiles * (1 + _SPREAD))
     before, start = _peak_mib(), time.monotonic()
     drawn = draw(fused, views, given, made.config, Clock(), most=most, at_once=1)
@@ -90,9 +92,9 @@ def measured(made: _Made, tiles: int) -> dict[str, Figure]:
         "draw_mib": Figure(_peak_mib() - before, "MiB"),
         "triangles": Figure(len(drawn.shape.triangles), "triangles"),
     }
-    found |= _accuracy(made, drawn.shape, plan_tiles(fused, count, count // TILES[1]), drawn.ground_sampling)
+    found |= _accuracy(made, drawn.shape, plan_tiles(stored, count // TILES[1]), drawn.ground_sampling)
     if tiles > 1:
-        found["border_open_share"] = at_most(0.02, open_share(drawn.shape, plan_tiles(fused, count, most)), "share")
+        found["border_open_share"] = at_most(0.02, open_share(drawn.shape, plan_tiles(stored, most)), "share")
     ways = (made.sfm / VIEW_IMAGES, made.sfm / VIEW_MASKS)
     built = build(drawn, Tracks.load(made.sfm / TRACKS), views, given, *ways, made.config, Clock(), lambda: None)
     found["target_psnr"] = Figure(_psnr(made, built, views, given, targets), "dB")
