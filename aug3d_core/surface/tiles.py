@@ -20,7 +20,8 @@ PART = 1_000_000  # points that are read at a time
 def plan_tiles(stored: StoredPoints, most: int) -> Halved | Planned:
     """Halve the ground under stored points until about `most` of them at most are in a tile."""
     step = -(-len(stored) // SAMPLE)
+    firsts = range(0, len(stored), PART)  # copies, or each would keep all of its part
     sample = np.concatenate(
-        [stored.xyz(first, first + PART)[-first % step :: step] for first in range(0, len(stored), PART)]
-    ).astype(np.float64)
+        [stored.xyz(first, first + PART)[-first % step :: step].astype(np.float64) for first in firsts]
+    )
     return halve(sample[np.isfinite(sample).all(axis=1), :2], step, most)
