@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from aug3d_core.bench.tiles import halvings, near_border, open_share
+from aug3d_core.bench.borders import halvings, near_border
+from aug3d_core.bench.tiles import open_share
 from aug3d_core.geometry.ground_tiles import EVERYWHERE, Halved, Planned
 from aug3d_core.surface.clip import clip_to
 from aug3d_core.surface.join import join

@@ -94,8 +94,8 @@ def test_no_point_at_a_border_is_lost_or_doubled(whole: Fused, tiled: Path, plan
 
 
 def test_a_tile_is_given_all_views_that_show_some_of_it_and_few_others(dense: Dense, plan: FusionPlan) -> None:
-    missing = 0
-    for tile in leaves(plan.tiles):
+    missing, many = 0, plan_fusion(dense, EVERY, MOST // 4)
+    for tile in leaves(many.tiles):
         around = tile.ground.grown(plan.margin)
         showing = {
             view
@@ -104,11 +104,11 @@ def test_a_tile_is_given_all_views_that_show_some_of_it_and_few_others(dense: De
                 _world_of(read_map(dense.map_path(WORKSPACE_DEPTH_MAPS, view)), dense.camera(view))[2]
             ).any()
         }
-        given = plan.reaching(around)
+        given = many.reaching(around)
         assert showing <= set(given)
-        assert len(given) <= len(showing) + 1
+        assert len(given) <= len(showing) + 2
         missing += len(EVERY) - len(given)
-    assert missing > 4, "the view that is empty, and those that see other tiles"
+    assert missing > 32, "the view that is empty, and those that see other tiles"
 
 
 def test_a_cut_map_shows_the_same_places(dense: Dense, plan: FusionPlan, tmp_path: Path) -> None:

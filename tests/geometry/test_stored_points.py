@@ -54,7 +54,7 @@ def test_points_by_columns_or_packed_are_refused(tmp_path: Path) -> None:
 def test_a_file_that_was_cut_off_since_is_refused(tmp_path: Path) -> None:
     file = stored(cloud(99), tmp_path)
     file.path.write_bytes(file.path.read_bytes()[:700])
-    with pytest.raises(ValueError, match="reshape|buffer"):
+    with pytest.raises(ValueError, match=r"reshape|buffer"):
         file.rows(0, 99)
 
 
