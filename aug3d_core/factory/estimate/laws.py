@@ -35,7 +35,7 @@ _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: dep
 _FUSED_MPX, _FUSED_MARGIN = (
     25.0,
     1.4,
-)  # of depth maps that are fused at a time, and a tile with its margin: depth/fusion_tiles.py
+)  # of depth maps that are fused at a time; what a margin adds: depth/fusion_tiles.py
 _USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
 _PROBED = 430
 _ALL_RANKED, _RANKED = 129, 24.0  # photographs without GPS: sfm/pairs.py; pairs for each where they are more
