@@ -247,7 +247,7 @@ def bench_view(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_js
 
 @bench.command("tiles")
 def bench_tiles(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """The town's surface in 1, 4 and 16 tiles of ground: accuracy, what borders cost, and memory (twice the demo's time).
+    """The town's fusion and surface in 1, 4 and 16 tiles of ground: accuracy, borders, and memory (twice the demo's time).
 
     Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import resource
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -44,3 +45,8 @@ def in_own_process(work: Callable[[], T]) -> T:
     """Return what a function returns that runs in a new process: its memory and its engines are its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(work).result()
+
+
+def peak_mib() -> float:
+    """Return the most memory that this process had, or a child of it if that had more [MiB]."""
+    return max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024

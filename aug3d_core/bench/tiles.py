@@ -1,22 +1,22 @@
-"""The town's surface in one tile and in several, of the same points: accuracy, borders, and memory."""
+"""The town's fusion and surface in one tile and in several, of the same depth maps: accuracy, borders, and memory."""
 
 from __future__ import annotations
 
-import resource
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from aug3d_core.bench.figure import Figure, at_least, at_most, in_own_process
+from aug3d_core.bench.borders import halvings, near_border
+from aug3d_core.bench.figure import Figure, at_least, at_most, in_own_process, peak_mib
+from aug3d_core.bench.fusion_tiles import fusion_figures
 from aug3d_core.depth.files import BASELINE_FUSED
-from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.ground_tiles import Halved, Planned
 from aug3d_core.geometry.ply import Mesh
+from aug3d_core.geometry.stored_points import StoredPoints
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
@@ -25,7 +25,7 @@ from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.join import rim_edges
 from aug3d_core.surface.shape import Shape, edges
-from aug3d_core.surface.tiles import Halved, Planned, plan_tiles
+from aug3d_core.surface.tiles import plan_tiles
 from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
 
 if TYPE_CHECKING:
@@ -56,13 +56,14 @@ class _Made:
 
 
 def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
-    """Draw and colour the same points in 1, 4 and 16 tiles, each in a process of its own, one tile after the other."""
+    """Fuse the same maps, and draw and colour the same points, in 1, 4 and 16 tiles, each number in a process of its own."""
     trial = run_trial(store, "depth", scene, (), directly(store, say))
     if trial.failure:
         return {"town": Figure(None, "", None, None, trial.failure)}
     town, sfm, grouping, depth = (store.files_dir(trial.records[n]) for n in ("town", "sfm", "grouping", "depth"))
     made = _Made(town, sfm, grouping, depth, scene.config().surface)
-    found: dict[str, Figure] = {}
+    say("fusion", 0, 1, "in 1, 4 and 16 tiles")
+    found = fusion_figures(town, sfm, depth, TILES)
     for number, tiles in enumerate(TILES):
         say("surface", number, len(TILES), "numbers of tiles")
         found |= in_own_process(partial(measured, made, tiles))
@@ -81,18 +82,19 @@ def measured(made: _Made, tiles: int) -> dict[str, Figure]:
 
     fused, views = made.depth / BASELINE_FUSED, Views.load(made.sfm / VIEWS)
     given, targets = made.given(views)
-    count = Fused.count(fused)
+    stored = StoredPoints.open(fused)
+    count = len(stored)
     most = count if tiles == 1 else int(count / tiles * (1 + _SPREAD))
-    before, start = _peak_mib(), time.monotonic()
+    before, start = peak_mib(), time.monotonic()
     drawn = draw(fused, views, given, made.config, Clock(), most=most, at_once=1)
     found = {
         "draw_seconds": Figure(time.monotonic() - start, "s"),
-        "draw_mib": Figure(_peak_mib() - before, "MiB"),
+        "draw_mib": Figure(peak_mib() - before, "MiB"),
         "triangles": Figure(len(drawn.shape.triangles), "triangles"),
     }
-    found |= _accuracy(made, drawn.shape, plan_tiles(fused, count, count // TILES[1]), drawn.ground_sampling)
+    found |= _accuracy(made, drawn.shape, plan_tiles(stored, count // TILES[1]), drawn.ground_sampling)
     if tiles > 1:
-        found["border_open_share"] = at_most(0.02, open_share(drawn.shape, plan_tiles(fused, count, most)), "share")
+        found["border_open_share"] = at_most(0.02, open_share(drawn.shape, plan_tiles(stored, most)), "share")
     ways = (made.sfm / VIEW_IMAGES, made.sfm / VIEW_MASKS)
     built = build(drawn, Tracks.load(made.sfm / TRACKS), views, given, *ways, made.config, Clock(), lambda: None)
     found["target_psnr"] = Figure(_psnr(made, built, views, given, targets), "dB")
@@ -121,22 +123,6 @@ def _accuracy(made: _Made, shape: Shape, borders: Halved | Planned, gsd: float) 
     }
 
 
-def halvings(plan: Halved | Planned) -> Iterator[Halved]:
-    """Yield the borders of a plan."""
-    if isinstance(plan, Halved):
-        yield plan
-        yield from halvings(plan.below)
-        yield from halvings(plan.above)
-
-
-def near_border(xyz: Float[np.ndarray, "p 3"], plan: Halved | Planned, within: float) -> Bool[np.ndarray, " p"]:
-    """Tell which points are so near (world units) to a border on the ground's plane."""
-    near = np.zeros(len(xyz), bool)
-    for border in halvings(plan):
-        near |= (np.abs(xyz[:, border.axis] - border.at) <= within) & border.ground.holds(xyz)
-    return near
-
-
 def open_share(shape: Shape, plan: Halved | Planned) -> float:
     """Return the share of the length of a joined mesh's borders where only one side has an edge."""
     open_, all_, pairs = 0.0, 0.0, edges(shape)
@@ -158,8 +144,3 @@ def _psnr(made: _Made, built: Built, views: Views, given: np.ndarray, targets: n
     ways = (made.sfm / VIEW_IMAGES, made.sfm / VIEW_MASKS)
     compared = checks.compare_views(*ways, views, [*targets], renders, FULL_PX)
     return checks.mean_finite([one.psnr for one in compared])
-
-
-def _peak_mib() -> float:
-    """Return the most memory that this process had, or a child of it if that had more [MiB]."""
-    return max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024

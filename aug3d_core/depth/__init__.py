@@ -15,6 +15,7 @@ launch        run the workers
 workspace     COLMAP's dense workspace: its sparse model and lists (pycolmap)
 patch_match   COLMAP's own stereo, on a CUDA GPU (pycolmap)
 fusion        depth maps -> fused points (pycolmap)
+fusion_tiles  the same, tile by tile of ground where there are many maps (pycolmap)
 picture       photo, depth and normals side by side
 stage         the stage
 """

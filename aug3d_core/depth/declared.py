@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aug3d_core.depth.config import PRESETS, DepthConfig
+from aug3d_core.depth.files import FUSED_TILES
 from aug3d_core.run.metric import declared
 from aug3d_core.run.stage import Stage
 from aug3d_core.split.files import SPLIT_TABLE
@@ -19,11 +20,12 @@ DEPTH = Stage(
     metrics=declared(
         higher="consistent_share",
         lower="seconds_per_photo",
-        neither="photos engine engine_reason depth_width_px points baseline_points planes_median planes_reason",
+        neither="photos engine engine_reason depth_width_px points baseline_points tiles baseline_tiles planes_median"
+        " planes_reason",
     ),
     decidable=("max_px", "plane_step_px"),
     resumable=True,
-    shards=("raw/[!.]*.bin", "raw/[!.]*.planes", "workspace/stereo/*_maps/[!.]*"),
+    shards=("raw/[!.]*.bin", "raw/[!.]*.planes", "workspace/stereo/*_maps/[!.]*", f"{FUSED_TILES}/*/[!.]*.npz"),
     assist="aug3d_core.depth.stage:assist",
     reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
 )

@@ -12,6 +12,7 @@ DEPTH_MAPS = f"{DENSE_WORKSPACE}/{WORKSPACE_DEPTH_MAPS}"
 NORMAL_MAPS = f"{DENSE_WORKSPACE}/{WORKSPACE_NORMAL_MAPS}"
 FUSED = "fused.npz"
 BASELINE_FUSED = "baseline_fused.npz"
+FUSED_TILES = "fused_tiles"  # while the stage works
 DEPTH_SHEET = "depth_and_normals.png"
 
 

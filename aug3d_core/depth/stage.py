@@ -22,11 +22,12 @@ from aug3d_core.depth.files import (
     DEPTH_MAPS,
     DEPTH_SHEET,
     FUSED,
+    FUSED_TILES,
     RAW,
     geometric_map_name,
     planes_name,
 )
-from aug3d_core.depth.fusion import fuse
+from aug3d_core.depth.fusion_tiles import Dense, fuse_to
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.patch_match import choose_engine, patch_match
@@ -79,12 +80,16 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         planes = _sweep(tasks, sfm, workspace, config, progress)
         shutil.rmtree(out / RAW)
     seconds, made = time.monotonic() - started, len(usable) - swept
-    fused = fuse(workspace, views, [view for view in usable if train[view]])
-    fused.save(out / FUSED)
-    baseline = fuse(workspace, views, usable)
-    baseline.save(out / BASELINE_FUSED)
+    dense = Dense(workspace, views, sizes, points, tracks)
+
+    def told(done: int, tiles: int) -> None:
+        progress(done, tiles, "fusing depth maps, tile by tile")
+
+    fused, tiles = fuse_to(out / FUSED, dense, [view for view in usable if train[view]], told)
+    baseline, baseline_tiles = fuse_to(out / BASELINE_FUSED, dense, usable, told)
     draw_sheet(out, images, views, evenly_spread(np.array(usable), PICTURE_ROWS).tolist())
     shutil.rmtree(workspace / IMAGES)
+    shutil.rmtree(out / FUSED_TILES, ignore_errors=True)
     share = _consistent_share(out, views, masks, usable)
     metrics: dict[str, Metric] = {
         "photos": len(usable),
@@ -93,15 +98,17 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         "seconds_per_photo": round(seconds / made, 3) if made else None,  # None: an earlier try made them
         "depth_width_px": int(np.median(sizes[usable, 0])),
         "consistent_share": round(share, 4),
-        "points": len(fused.xyz),
-        "baseline_points": len(baseline.xyz),
+        "points": fused,
+        "baseline_points": baseline,
+        "tiles": tiles,
+        "baseline_tiles": baseline_tiles,
     }
     if planes:
         metrics |= {
             "planes_median": int(np.median(planes)),
             "planes_reason": f"adjacent planes move a source pixel by {config.plane_step_px:g} px at most",
         }
-    notes = _notes(views, sources, share, len(fused.xyz))
+    notes = _notes(views, sources, share, fused)
     return Outcome(
         metrics=metrics,
         state="degraded" if notes else "ok",

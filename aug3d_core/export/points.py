@@ -21,6 +21,7 @@ from aug3d_core.export.finished import required, world_of
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.export.utm import utm_from_world, zone_of
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.stored_points import StoredPoints
 from aug3d_core.run.errors import StoreError
 from aug3d_core.sfm.files import WORLD
 from aug3d_core.store.record import Record
@@ -64,7 +65,7 @@ def export_points(sfm: Path, depth: Path, folder: Path) -> PointsWritten:
         ) as laz,
     ):
         ply.write(_ply_header(count))
-        for part in Fused.parts(fused, _PART):
+        for part in StoredPoints.open(fused).parts(_PART):
             ply.write(_vertices(part).tobytes())
             laz.write_points(_records(part, laz.header, origin))
     crs = "" if origin is None else f"EPSG:{zone_of(origin).to_epsg()}"
@@ -73,7 +74,9 @@ def export_points(sfm: Path, depth: Path, folder: Path) -> PointsWritten:
 
 def _extent(fused: Path) -> tuple[int, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Return how many points there are, and their lowest and highest coordinates in the world."""
-    parts = [(len(part.xyz), part.xyz.min(axis=0), part.xyz.max(axis=0)) for part in Fused.parts(fused, _PART)]
+    parts = [
+        (len(part.xyz), part.xyz.min(axis=0), part.xyz.max(axis=0)) for part in StoredPoints.open(fused).parts(_PART)
+    ]
     if not parts:
         raise StoreError("the scene has no fused points", "run it again with photographs that overlap more")
     counts, lows, highs = zip(*parts, strict=True)

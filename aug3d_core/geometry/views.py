@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TypeVar
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -25,7 +25,11 @@ class _Arrays:
     def save(self, path: Path) -> None:
         """Write the arrays; the bytes depend on the arrays alone."""
         with path.open("wb") as file:
-            np.savez(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+            self.write(file)
+
+    def write(self, file: BinaryIO) -> None:
+        """Write the same into an open file."""
+        np.savez(file, **{f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls: type[_Loaded], path: Path) -> _Loaded:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
+from aug3d_core.geometry.ground_tiles import Tile
 from aug3d_core.surface.shape import Shape, drop_degenerate
-from aug3d_core.surface.tiles import Tile
 
 
 def clip_to(shape: Shape, tile: Tile) -> Shape:

@@ -48,10 +48,7 @@ class Places:
     def near_frame(self, views: Views, view: int) -> Int[np.ndarray, " p"]:
         """Return the places that a view may have in its frame, and some beside it."""
         in_cam = apply(views.cam_from_world[view], self._centre)
-        fx, fy, cx, cy = views.intrinsics[view]
-        width, height = views.size[view]
-        # Inwards normals of the frame's four sides, and the camera's own plane
-        sides = np.array([(fx, 0, cx), (-fx, 0, width - cx), (0, fy, cy), (0, -fy, height - cy), (0, 0, 1.0)])
+        sides = _frame_sides(views, view)
         inside = in_cam @ (sides / np.linalg.norm(sides, axis=1, keepdims=True)).T > -self._radius[:, None]
         block = np.flatnonzero(inside.all(axis=1))
         place = (block[:, None] * BLOCK + np.arange(BLOCK)).ravel()
@@ -172,13 +169,30 @@ def paint_vertices(photographs: Photographs, shape: Shape, best: int, tick: Call
     return _fill(shape, colours)
 
 
+def _frame_sides(views: Views, view: int) -> Float[np.ndarray, "5 3"]:
+    """Return the normals, inwards, of the four sides of what a view frames and of the camera's own plane, in its frame."""
+    fx, fy, cx, cy = views.intrinsics[view]
+    width, height = views.size[view]
+    return np.array([(fx, 0, cx), (-fx, 0, width - cx), (0, fy, cy), (0, -fy, height - cy), (0, 0, 1.0)])
+
+
+def _framing(shape: Shape, views: Views, chosen: Iterable[int]) -> Iterator[int]:
+    """Yield the views that may frame some of a surface: of no side of their frame all of its box lies outside."""
+    ends = np.stack([shape.xyz.min(axis=0), shape.xyz.max(axis=0)])
+    corners = np.array([[x, y, z] for x in ends[:, 0] for y in ends[:, 1] for z in ends[:, 2]])
+    for view in chosen:
+        beyond = apply(views.cam_from_world[view], corners) @ _frame_sides(views, view).T
+        if (beyond > 0).any(axis=0).all():
+            yield view
+
+
 def ground_sampling(shape: Shape, views: Views, chosen: Iterable[int]) -> float:
     """Return the size of a photo pixel on the surface, across the view, world units: the median of the views' medians.
 
     Only what a view frames counts: of an oblique view most of a large surface lies elsewhere. NaN if no view frames any.
     """
     sampling: list[float] = []
-    for view in chosen:
+    for view in _framing(shape, views, chosen):
         in_cam = apply(views.cam_from_world[view], shape.xyz)
         ahead = in_cam[in_cam[:, 2] > 0]
         xy = project(ahead, views.intrinsics[view])

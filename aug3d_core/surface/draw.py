@@ -21,6 +21,8 @@ import psutil
 from jaxtyping import Int
 
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.ground_tiles import EVERYWHERE, Halved, Planned, Tile, leaves
+from aug3d_core.geometry.stored_points import IndexedPoints, StoredPoints
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.helper_process import WorkerDied
@@ -34,7 +36,7 @@ from aug3d_core.surface.evidence import gather
 from aug3d_core.surface.join import join
 from aug3d_core.surface.poisson import octree_depth, reconstruct
 from aug3d_core.surface.shape import Shape, triangle_areas
-from aug3d_core.surface.tiles import EVERYWHERE, MOST_POINTS, Halved, Planned, Tile, leaves, plan_tiles
+from aug3d_core.surface.tiles import MOST_POINTS, plan_tiles
 from aug3d_core.surface.trim import bridged, trim
 
 # Spacings around a tile, at least: Poisson's finest cell is two, and points a few coarser cells away no longer bend it
@@ -78,15 +80,15 @@ def draw(
     told: called with the number of tiles that are drawn, and of all. at_once: processes; as many as cores and memory allow
     where it is None. The surface is the same with any number.
     """
-    count = Fused.count(fused)
-    if count <= most:
+    stored = StoredPoints.open(fused)
+    if len(stored) <= most:
         return _draw(Fused.load(fused), EVERYWHERE, EVERYWHERE, views, chosen, config, clock)
     with clock.step("tiling"):
-        plan = plan_tiles(fused, count, most)
+        plan, indexed = plan_tiles(stored, most), IndexedPoints.of(stored)
     tiles = [*leaves(plan)]
     # Of a gap's width: so far points away decide whether a gap that ends at a border is closed
     margin = max(MARGIN_SPACINGS, config.max_gap_spacings)
-    work = partial(_tried, fused, margin, views, chosen, config)
+    work = partial(_tried, indexed, margin, views, chosen, config)
     tried = []
     told(0, len(tiles))
     for one in _each(work, tiles, min(len(tiles), at_once or _affordable(most))):
@@ -141,12 +143,17 @@ def _each(work: Callable[[Planned], _Tried], tiles: list[Planned], at_once: int)
 
 
 def _tried(
-    fused: Path, margin: float, views: Views, chosen: Int[np.ndarray, " m"], config: SurfaceConfig, tile: Planned
+    fused: IndexedPoints,
+    margin: float,
+    views: Views,
+    chosen: Int[np.ndarray, " m"],
+    config: SurfaceConfig,
+    tile: Planned,
 ) -> _Tried:
     """Draw a tile through its points and those within a margin (spacings)."""
     clock, by = Clock(), margin * tile.spacing
     with clock.step("tiling"):
-        points = tile.read(fused, by)
+        points = fused.over(tile.ground.grown(by))
     try:
         return _Tried(_draw(points, tile.ground, tile.ground.grown(by), views, chosen, config, clock), "", clock)
     except InputError as error:

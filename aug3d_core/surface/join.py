@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
+from aug3d_core.geometry.ground_tiles import Halved
 from aug3d_core.surface.shape import Shape
-from aug3d_core.surface.tiles import Halved
 
 SAMPLES = 4  # to a reach, on the rim: finds the piece of it that is nearest
 WELD = 0.05  # of the reach: corners that are nearer become one, or slivers would stand between them

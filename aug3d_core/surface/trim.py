@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
+from aug3d_core.geometry.ground_tiles import EVERYWHERE, Tile
 from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.shape import Shape, drop_small_pieces
-from aug3d_core.surface.tiles import EVERYWHERE, Tile
 
 REACH = 2.0  # spacings around a point in which it speaks for the surface
 

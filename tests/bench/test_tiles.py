@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from aug3d_core.bench.tiles import halvings, near_border, open_share
+from aug3d_core.bench.borders import halvings, near_border
+from aug3d_core.bench.tiles import open_share
+from aug3d_core.geometry.ground_tiles import EVERYWHERE, Halved, Planned
 from aug3d_core.surface.clip import clip_to
 from aug3d_core.surface.join import join
 from aug3d_core.surface.shape import Shape
-from aug3d_core.surface.tiles import EVERYWHERE, Halved, Planned
 from tests.surface.test_shape import patch
 
 

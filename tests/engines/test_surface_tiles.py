@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from aug3d_core.geometry.fused import Fused
+from aug3d_core.geometry.ground_tiles import EVERYWHERE, Halved, Planned
 from aug3d_core.geometry.raycast import Raycaster
+from aug3d_core.geometry.stored_points import StoredPoints
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.errors import InputError
@@ -19,7 +21,7 @@ from aug3d_core.surface.draw import Drawn, _each, draw
 from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.join import rim_edges
 from aug3d_core.surface.poisson import CELL_SPACINGS, reconstruct
-from aug3d_core.surface.tiles import EVERYWHERE, Halved, Planned, plan_tiles
+from aug3d_core.surface.tiles import plan_tiles
 from tests.engines.test_surface import LAKE, LAKE_RADIUS, hills, on_hills
 
 COUNT, MOST = 24_000, 7_000
@@ -83,7 +85,7 @@ def test_borders_are_closed_and_neither_hidden_nor_doubled(fused, tiled):
     shape = tiled[0].shape
     caster, truth = Raycaster(shape.xyz, shape.triangles), hills()
     true = Raycaster(truth.xyz, truth.triangles)
-    for border in borders(plan_tiles(fused, Fused.count(fused), MOST)):
+    for border in borders(plan_tiles(StoredPoints.open(fused), MOST)):
         ends = rim_edges(shape, border)
         middle = shape.xyz[ends].mean(axis=1)
         inside = (np.abs(middle[:, :2]) < 39).all(axis=1) & (

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aug3d_core.geometry.ground_tiles import EVERYWHERE, Halved, Planned, Tile
 from aug3d_core.surface.clip import clip_to
 from aug3d_core.surface.join import join, rim_edges
 from aug3d_core.surface.shape import Shape, edges, triangle_areas
-from aug3d_core.surface.tiles import EVERYWHERE, Halved, Planned, Tile
 from tests.surface.test_shape import border, patch
 
 

@@ -32,6 +32,10 @@ _TILED_MPX, _TILE_MIB = (
 )  # of depth maps that give more points than one tile holds, and a tile's: surface/draw.py
 _TILES_SHARE = 0.5  # of the memory, for the tiles that are drawn at a time
 _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
+_FUSED_MPX, _FUSED_MARGIN = (
+    25.0,
+    1.4,
+)  # of depth maps that are fused at a time; what a margin adds: depth/fusion_tiles.py
 _USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
 _PROBED = 430
 _ALL_RANKED, _RANKED = 129, 24.0  # photographs without GPS: sfm/pairs.py; pairs for each where they are more
@@ -214,10 +218,11 @@ def _small(seconds: float, a_photo: float, peak_mib: float, disk_mib: float) -> 
 def _depth(scene: Scene) -> Work:
     each = 0.4 + 0.218 * scene.depth_mpx * scene.planes * scene.config.depth.sources / 6
     pixels = scene.mapped * scene.depth_mpx
+    at_once = pixels if pixels <= _FUSED_MPX else min(pixels, _FUSED_MARGIN * _FUSED_MPX)
     return Work(
         one_core_s=1.0 * pixels,
         all_cores_s=scene.mapped * each,
-        peak_mib=165 + min(38 * pixels, _CACHE_SHARE * scene.memory_mib) + 7 * pixels,
+        peak_mib=165 + min(38 * at_once, _CACHE_SHARE * scene.memory_mib) + 7 * at_once + scene.mapped,
         disk_mib=20 * pixels,
     )
 

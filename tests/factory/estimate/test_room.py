@@ -168,11 +168,11 @@ def test_a_stage_that_cannot_have_enough_memory_is_refused_with_a_setting_that_h
     free_mib(10**7)
     given = material(tmp_path / "photos", 500)
     large = scene_config("tiny", ["depth.max_px=4096", "photos.max_px=4096"])
-    monkeypatch.setenv(LIMIT_MEMORY, "20")
+    monkeypatch.setenv(LIMIT_MEMORY, "2.5")
     with pytest.raises(TooLarge) as caught:
         check_room(store, "city", given, large, {}, nothing_made(given))
-    assert "of scene 'city' needs" in caught.value.problem and "20.0 GiB" in caught.value.problem
-    assert "--set depth.max_px=" in caught.value.remedy and LIMIT_MEMORY in caught.value.remedy
+    assert "of scene 'city' needs" in caught.value.problem and "2.5 GiB" in caught.value.problem
+    assert "--set photos.max_px=" in caught.value.remedy and LIMIT_MEMORY in caught.value.remedy
     path, value = caught.value.remedy.partition("--set ")[2].partition(",")[0].split("=")
     check_room(store, "city", given, overridden(large, [f"{path}={value}"]), {}, nothing_made(given))
 
