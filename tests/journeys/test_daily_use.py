@@ -306,7 +306,7 @@ def wait(done: Callable[[], Any], seconds: float, what: str) -> None:
     deadline = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < deadline, f"waited {seconds:.0f} s in vain: {what}"
-        time.sleep(0.5)
+        time.sleep(1.0)  # to look through all processes, or ask for all runs, costs what the runs could use
 
 
 def free_port() -> int:
