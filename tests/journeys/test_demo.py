@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -20,10 +19,9 @@ from aug3d_core.bench.team import leftovers
 from aug3d_core.factory.stages import FROM_TOWN, STAGES
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.metric import spec_of
-from aug3d_core.store import layout
 from aug3d_core.store.scenes import DIGESTS
 from aug3d_core.store.seal import SEAL
-from tests.attack.town_process import begun, digests
+from tests.attack.town_process import begun, digests, hand_over
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 
@@ -140,15 +138,14 @@ def test_in_folds_both_ends_are_tested_and_what_the_folds_share_is_kept(
 
 
 def test_killed_at_many_moments_it_ends_in_the_same_digests(
-    first: dict[str, Any], home: Path, tmp_path: Path, served: dict[str, str]
+    first: dict[str, Any], tmp_path: Path, served: dict[str, str]
 ) -> None:
     """SIGKILL the factory whenever one more stage has begun, until a run gets through.
 
     Prefect's server is the factory's own at the first kill and in the last run, and ends or goes on with it. What lies
     between the stages that are killed is there already, made by the first run: a run that finds it has come to the same.
     """
-    for stage in set(first["stages"]) - {"town", "depth", "training", "evaluation"}:
-        shutil.copytree(home / layout.OBJECTS / stage, tmp_path / layout.OBJECTS / stage)
+    hand_over(first, tmp_path, but=("town", "depth", "training", "evaluation"))
     killed, elsewhere = 0, {**served, "PREFECT_HOME": str(tmp_path / "prefect")}
     for stage in ("town", "depth", "training"):
         env = elsewhere if killed else None
