@@ -166,7 +166,7 @@ def test_two_runs_are_compared_in_mlflow(pages: dict[str, str], page: Page) -> N
     assert len(parents) == 2
     chosen = json.dumps([info["run_id"] for info in parents])
     page.goto(f'{address}/#/compare-runs?runs={chosen}&experiments=["{experiment}"]')
-    expect(page.get_by_text("Comparing 2 Runs").first).to_be_visible()
+    expect(page.get_by_text("Comparing 2 Runs").first).to_be_visible(timeout=30_000)  # the page's code is large
     expect(page.get_by_text("training.steps").first).to_be_visible()
     page.wait_for_timeout(2000)  # the chart is drawn after the words
     page.screenshot(path=SHOTS / "mlflow_compare.png", full_page=True)
