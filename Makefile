@@ -5,6 +5,8 @@ PY := $(VENV)/bin/python
 READY := $(VENV)/.ready
 # Two processes more than cores (tests/processes.py): tests wait for servers and leases meanwhile
 SHARED := -n auto --maxprocesses 4
+# Tests start hundreds of processes: else each would compile all that it imports of aug3d again
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test check attack setup clean
 

@@ -36,6 +36,7 @@ _STAGES = [stage.name for stage in FROM_TOWN]
 _NAMED = "aug3d "  # how a stage's process calls itself, of which the kernel keeps 15 characters
 _OTHERS = ("AUG3D_", "AWS_", "MLFLOW_", "PREFECT_")  # variables that would lead a team to something that is not its own
 _WORKER = "prefect.worker.name"  # label of a run: machine, home and queues of its worker
+_ASK_EVERY_S = 2.0  # an answer costs Prefect's server 30 ms of a processor, which the team shares
 _GONE_S = 60.0  # until nothing of what ended, or was killed, may live
 
 
@@ -86,7 +87,7 @@ class Team:
 
     def end_of(self, flow_run: str, seconds: float) -> dict[str, Any]:
         """Wait for a flow run to end, and return its last state."""
-        self.wait(lambda: self.run(flow_run)["end_time"] is not None, seconds, "the batch ends")
+        self.wait(lambda: self.run(flow_run)["end_time"] is not None, seconds, "the batch ends", every_s=_ASK_EVERY_S)
         return self.run(flow_run)["state"]
 
     def scenes(self) -> dict[str, dict[str, Any]]:

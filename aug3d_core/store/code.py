@@ -271,6 +271,10 @@ def _is_entry(value: object) -> bool:
     return isinstance(value, str) and _ENTRY.fullmatch(value) is not None and _exists(value.partition(":")[0])
 
 
+_LEFT_OUT = frozenset({ast.ImportFrom, ast.Constant, ast.Expr})  # some of these
+_NOTED = frozenset({ast.Import, ast.ImportFrom, ast.Attribute, ast.Name, ast.Call})
+
+
 class _Reader:
     """Reads a statement in one pass: what it uses, and its syntax without what people alone read.
 
@@ -286,18 +290,22 @@ class _Reader:
         self._attributed: set[int] = set()  # nodes that are read as a part of an attribute
 
     def read(self, node: object) -> None:
-        if isinstance(node, list):
+        if isinstance(node, ast.AST):
+            kind = type(node)  # asked first: most nodes of the syntax are of kinds that need no second look
+            if kind in _LEFT_OUT and self._left_out(node):
+                return
+            if kind in _NOTED:
+                self._note(node)
+            self.syntax.append(f"({kind.__name__} ")
+            for name in kind._fields:
+                self.read(getattr(node, name))
+            self.syntax.append(")")
+        elif isinstance(node, list):
             for one in node:
                 self.read(one)
             self.syntax.append("]")
-        elif not isinstance(node, ast.AST):
+        else:
             self.syntax.append(repr(node))
-        elif not self._left_out(node):
-            self._note(node)
-            self.syntax.append(f"({type(node).__name__} ")
-            for name in node._fields:
-                self.read(getattr(node, name))
-            self.syntax.append(")")
 
     def _left_out(self, node: ast.AST) -> bool:
         if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "aug3d_core":

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from aug3d_core.heads.pixelnerf.resnet import ResNet34
 
 
 def colmap(path: str) -> bool:
@@ -33,10 +38,17 @@ def sweep_start(path: str) -> bool:
 def encoder(path: str) -> bool:
     """Start the paper's encoder from a file of weights; none of the files here is one."""
     from aug3d_core.heads.pixelnerf.encoder_weights import start_trunk
+
+    start_trunk(_trunk(), path)
+    return False
+
+
+@cache
+def _trunk() -> ResNet34:
+    """Draw its millions of first weights once."""
     from aug3d_core.heads.pixelnerf.resnet import ResNet34
 
-    start_trunk(ResNet34(), path)
-    return False
+    return ResNet34()
 
 
 def trained_head(path: str) -> bool:

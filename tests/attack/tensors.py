@@ -19,7 +19,7 @@ from safetensors.torch import save_file
 from aug3d_core.heads import saved
 from aug3d_core.heads.config import FIRST, config_of
 from aug3d_core.heads.head import build
-from tests.run.test_stored_archive import bomb
+from tests.run.test_stored_archive import LARGE, bomb
 
 _GOOD = {"c2w": torch.eye(4)[:3], "W": 320, "H": 240, "intrinsics": torch.tensor([300.0, 300.0, 160.0, 120.0])}
 
@@ -73,13 +73,13 @@ def _mega_nerf(folder: Path, told: Any) -> None:
 
 
 def _bombs(root: Path) -> None:
-    """Write archives whose entries claim a gigabyte."""
+    """Write archives whose entries claim far more than they have."""
     for entry in ("data.pkl", "version", "data/0"):
         folder = root / "mega" / f"bomb_{entry.replace('/', '_')}"
         _mega_nerf(folder, _GOOD)
-        bomb(folder / "train" / "metadata" / "000001.pt", entry, 2**30)
+        bomb(folder / "train" / "metadata" / "000001.pt", entry, LARGE)
     torch.save({"conv1.weight": torch.zeros(3)}, root / "bomb.pth")
-    bomb(root / "bomb.pth", "data/0", 2**30)
+    bomb(root / "bomb.pth", "data/0", LARGE)
 
 
 def _weights(root: Path) -> None:

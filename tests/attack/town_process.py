@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -18,6 +19,7 @@ from aug3d_core.bench.team import stage_of
 from aug3d_core.factory.stages import FROM_TOWN
 from aug3d_core.run.files import LOG
 from aug3d_core.store import layout
+from aug3d_core.store.scenes import step_objects
 from tests.tests_support import words_of
 
 ORDER = [stage.name for stage in FROM_TOWN]
@@ -122,6 +124,14 @@ def begun(home: Path, stage: str) -> bool:
 def made(home: Path, stage: str) -> bool:
     """Say whether the store has an object of a stage."""
     return any((home / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"))
+
+
+def hand_over(told: Mapping[str, Any], home: Path, but: tuple[str, ...]) -> None:
+    """Copy what a run has made, by what it told, into a home, but for the objects of some steps."""
+    store = Path(told["paths"]["metrics"]).parents[3]
+    for step, (stage, key) in step_objects(told).items():
+        if step not in but:
+            shutil.copytree(store / layout.OBJECTS / stage / key, home / layout.OBJECTS / stage / key)
 
 
 def damaged(home: Path) -> list[str]:

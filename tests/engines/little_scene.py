@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from functools import cache, lru_cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,9 @@ class LittleScene:
         centre = centres(cam_from_world) + read_m * ((np.arange(height) + 0.5) / height - 0.5)[:, None, None]
         nearest, grey = np.full(rays.shape[:2], np.inf), np.full(rays.shape[:2], 128.0)
         for (z, low, high), texture in zip(self.planes, self.textures, strict=True):
-            there = np.s_[:, :] if read_m.any() else _window(cam_from_world, np.append(low, z), np.append(high, z))
+            # It looks to a camera that flies on as if it moved itself
+            moved_m = np.abs(read_m) / 2
+            there = _window(cam_from_world, np.append(low, z) - moved_m, np.append(high, z) + moved_m)
             depth = (z - centre[there[0], :, 2]) / rays[there][..., 2]
             xy = centre[there[0], :, :2] + depth[..., None] * rays[there][..., :2]
             hit = ((xy >= low) & (xy < high)).all(axis=-1) & (depth > 0) & (depth < nearest[there])
@@ -65,8 +68,8 @@ class LittleScene:
 
 
 def _window(cam_from_world: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[slice, slice]:
-    """Return the rows and columns of rays that may meet a level rectangle: all, where a corner is not before the camera."""
-    corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    """Return the rows and columns of rays that may meet an upright box: all, where a corner is not before the camera."""
+    corners = np.array([*product(*zip(low, high, strict=True))])
     x, y, z = apply(cam_from_world, corners).T
     if z.min() < 1:
         return np.s_[:], np.s_[:]

@@ -14,6 +14,7 @@ import pytest
 from aug3d_core.run.stored_archive import check_stored
 
 MIB = 2**20
+LARGE = 2**28  # bytes that a bomb claims: five times what a reader may take, and not yet seconds of packing
 
 
 def bomb(file: Path, entry: str, size_bytes: int) -> None:
@@ -77,8 +78,8 @@ import resource, sys
 from pathlib import Path
 import torch
 torch.save({"conv1.weight": torch.zeros(3)}, sys.argv[1])
-from tests.run.test_stored_archive import bomb
-bomb(Path(sys.argv[1]), sys.argv[2], 2**30)
+from tests.run.test_stored_archive import LARGE, bomb
+bomb(Path(sys.argv[1]), sys.argv[2], LARGE)
 from aug3d_core.heads.pixelnerf.encoder_weights import _read
 from aug3d_core.poses.torch_files import read_pt
 from aug3d_core.run.errors import InputError
@@ -94,12 +95,12 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", ["data.pkl", "version", "data/0"])
-def test_a_gigabyte_in_a_megabyte_takes_no_memory(tmp_path: Path, entry: str) -> None:
+def test_a_thousand_times_what_is_stored_takes_no_memory(tmp_path: Path, entry: str) -> None:
     file = tmp_path / "weights.pth"
     root = Path(__file__).parents[2]
     words = [sys.executable, "-c", _READ, str(file), entry]
     done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=root)
     *told, grown_mib = done.stdout.splitlines()
-    assert file.stat().st_size < 4 * MIB
+    assert file.stat().st_size < MIB
     assert len(told) == 2 and all(entry in line and "is compressed" in line for line in told)
     assert int(grown_mib) < 50
