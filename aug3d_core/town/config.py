@@ -11,7 +11,7 @@ from aug3d_core.run.stage import StageConfig
 
 FlightPath = Literal["lawnmower", "nadir", "crossed", "oblique", "orbit", "free", "abrupt"]
 TerrainKind = Literal["hills", "slope", "terraces"]
-Buildings = Literal["mixed", "suburb", "dense", "industry", "high_rise", "identical", "woods"]
+Buildings = Literal["mixed", "suburb", "dense", "industry", "high_rise", "identical"]
 Season = Literal["summer", "dry", "autumn", "winter"]
 
 
@@ -32,7 +32,7 @@ class TownConfig(StageConfig):
     buildings: Buildings = Field(
         default="mixed",
         description="mixed: houses of all kinds; suburb: detached houses; dense: rows and flats; industry: halls; "
-        "high_rise: towers; identical: copies of one house; woods: trees crown to crown, and glades.",
+        "high_rise: towers; identical: copies of one house.",
     )
     trees_share: float = Field(default=1.0, ge=0, le=1, description="Share of the trees that are planted (0 to 1).")
     season: Season = Field(default="summer", description="Colours of what grows; in winter snow lies on the ground.")

@@ -28,13 +28,6 @@ class ExactTownConfig(StageConfig):
         le=1,
         description="The same of red against green, and of blue against green: the white balance [1].",
     )
-    leaf_spread: float = Field(
-        default=0.25,
-        ge=0,
-        le=1,
-        description="How much the light on leaves differs from photograph to photograph, as they move and hide each other: "
-        "standard deviation of its logarithm [1].",
-    )
     outlier_share: float = Field(
         default=0.005, ge=0, lt=0.2, description="Share of points cut at either end before the slab is measured [1]."
     )

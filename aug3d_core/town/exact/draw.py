@@ -11,7 +11,7 @@ from aug3d_core.town.config import TownConfig
 from aug3d_core.town.exact.config import ExactTownConfig
 
 # Each with how often it is drawn
-_BUILDINGS = {"mixed": 6, "suburb": 3, "dense": 5, "industry": 2, "high_rise": 3, "identical": 1, "woods": 5}
+_BUILDINGS = {"mixed": 6, "suburb": 3, "dense": 5, "industry": 2, "high_rise": 3, "identical": 1}
 _TERRAIN = {"hills": 10, "slope": 6, "terraces": 4}
 _SEASONS = {"summer": 9, "dry": 4, "autumn": 4, "winter": 3}
 _PATHS = {"lawnmower": 5, "nadir": 3, "crossed": 3, "oblique": 4, "free": 4, "orbit": 1}
@@ -50,9 +50,8 @@ def drawn_town(seed: int, number: int, width_px: int) -> ExactTownConfig:
         samples=6,
     )
     exposure, white = round(rng.uniform(0, 0.12), 3), round(rng.uniform(0, 0.02), 3)
-    margin, leaves = round(rng.uniform(0.05, 0.25), 2), round(rng.uniform(0, 0.5), 2)
     return ExactTownConfig(
-        town=town, exposure_spread=exposure, white_spread=white, leaf_spread=leaves, margin_share=margin
+        town=town, exposure_spread=exposure, white_spread=white, margin_share=round(rng.uniform(0.05, 0.25), 2)
     )
 
 

@@ -28,7 +28,6 @@ from aug3d_core.town.drone.sensor import Defects
 from aug3d_core.town.drone.studio import Studio
 from aug3d_core.town.exact.config import ExactTownConfig
 from aug3d_core.town.exact.groups import grouped, net_points
-from aug3d_core.town.exact.leaves import leaf_pixels, rustle
 from aug3d_core.town.generator.terrain import terrain_of
 from aug3d_core.town.generator.town import build_town
 
@@ -48,7 +47,7 @@ _CONVENTIONS = {
 def run(inputs: Inputs, config: ExactTownConfig, out: Path, progress: Progress) -> Outcome:
     """Build the town, photograph it at the packed size, and pack it."""
     start, town_config = time.monotonic(), config.town
-    scene_rng, flight_rng, defects_rng, camera_rng, leaves_rng = np.random.default_rng(town_config.seed).spawn(5)
+    scene_rng, flight_rng, defects_rng, camera_rng = np.random.default_rng(town_config.seed).spawn(4)
     terrain, lens = terrain_of(town_config), Lens.of(town_config)
     if lens.bends:
         raise InputError(
@@ -68,11 +67,7 @@ def run(inputs: Inputs, config: ExactTownConfig, out: Path, progress: Progress) 
         views=views, terrain=terrain, lens=lens, defects=Defects.of(town_config, len(views), defects_rng), stamps=[],
         noise_levels=town_config.noise_levels, seed=town_config.seed,
     )  # fmt: skip
-    moved = [
-        rustle(rgb[view], leaf_pixels(views, view, depth[view], town.crowns), config.leaf_spread, leaves_rng)
-        for view in range(len(views))
-    ]
-    exposed = [darkroom.exposed(moved[view], alpha[view], view) for view in range(len(views))]
+    exposed = [darkroom.exposed(rgb[view], alpha[view], view) for view in range(len(views))]
     images = np.stack([_shot(image, config, camera_rng) for image in exposed])
     scene = _scene(views, images, depth, config)
     write(check(scene, SCENE_ZARR), out / SCENE_ZARR, config.shard_views)

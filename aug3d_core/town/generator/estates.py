@@ -54,25 +54,4 @@ def _repeated(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
             plan.hedges.append(Rect(x + step / 2 - 0.4, low, x + step / 2 + 0.4, high))
 
 
-def _woods(plan: Plan, block: Rect, rng: np.random.Generator) -> None:
-    """Trees crown to crown about a glade, which may have a hut."""
-    plan.rect(Ground.FOREST, *block)
-    wide, high = block.x1 - block.x0, block.y1 - block.y0
-    x, y = rng.uniform(block.x0, block.x1), rng.uniform(block.y0, block.y1)
-    open_m = rng.uniform(0, 0.45) * min(wide, high)
-    plan.disc(Ground.MEADOW, x, y, open_m + 1)
-    typical_m = rng.uniform(2.0, 5.5)
-    for at_x in np.arange(block.x0 + 1, block.x1, 1.5 * typical_m):
-        for at_y in np.arange(block.y0 + 1, block.y1, 1.5 * typical_m):
-            tree_x, tree_y = at_x + rng.normal(0, 0.4 * typical_m), at_y + rng.normal(0, 0.4 * typical_m)
-            if np.hypot(tree_x - x, tree_y - y) > open_m + typical_m:
-                plan.tree(tree_x, tree_y, rng, (0.7 * typical_m, 1.3 * typical_m))
-    if open_m > 8:
-        plan.buildings.append(Building(Frame(x, y, rng.uniform(0, np.pi)), 7, 5, 2.6, "gable", 35, "house"))
-
-
-ESTATES: dict[str, Callable[[Plan, Rect, np.random.Generator], None]] = {
-    "high_rise": _towers,
-    "identical": _repeated,
-    "woods": _woods,
-}
+ESTATES: dict[str, Callable[[Plan, Rect, np.random.Generator], None]] = {"high_rise": _towers, "identical": _repeated}

@@ -36,16 +36,12 @@ class Footprint:
 
 @dataclass(frozen=True)
 class Town:
-    """Meshes in the world frame with their textures, and where crowns and buildings are.
-
-    crowns: middle (x, y, z) and radius of each tree's, across [m].
-    """
+    """Meshes in the world frame with their textures, and where the buildings are."""
 
     ground: TexturedMesh
     ground_image: UInt8[np.ndarray, "h1 w1 3"]
     things: TexturedMesh
     things_image: UInt8[np.ndarray, "h2 w2 3"]
-    crowns: Float[np.ndarray, "n 4"]
     footprints: tuple[Footprint, ...]
 
 
@@ -62,8 +58,7 @@ def build_town(config: TownConfig, terrain: Terrain, rng: np.random.Generator, t
         height = add_building(model, atlas, swatches, replace(building, bare_roof=config.bare_roofs), own_rng)
         footprints.append(Footprint(_outline(building), height, building.use))
         levels.append((first, model.count, building))
-    trees = _share_of(plan.trees, config.trees_share)
-    for tree in trees:
+    for tree in _share_of(plan.trees, config.trees_share):
         add_tree(model, swatches, tree, rng)
     for hedge in plan.hedges:
         add_hedge(model, swatches, hedge, rng)
@@ -78,18 +73,12 @@ def build_town(config: TownConfig, terrain: Terrain, rng: np.random.Generator, t
     things = TexturedMesh(bend(vertices, terrain), triangles, packed.uv(patches, local))
     ground_image = in_season(picture.image, config.season, ground=True)
     things_image = in_season(packed.image, config.season)
-    ground = _ground_mesh(picture, terrain)
-    return Town(ground, ground_image, things, things_image, _crowns(trees, terrain), tuple(footprints))
+    return Town(_ground_mesh(picture, terrain), ground_image, things, things_image, tuple(footprints))
 
 
 def _share_of(trees: list[Tree], share: float) -> list[Tree]:
     """Return a share of the trees, spread over all of them."""
     return [tree for n, tree in enumerate(trees) if int((n + 1) * share) > int(n * share)]
-
-
-def _crowns(trees: list[Tree], terrain: Terrain) -> Float[np.ndarray, "n 4"]:
-    at = np.array([(tree.x, tree.y, tree.height_m * 0.6) for tree in trees]).reshape(-1, 3)
-    return np.column_stack([bend(at, terrain), [tree.radius_m for tree in trees]])
 
 
 def _levelled(points: Float[np.ndarray, "n 3"], b: Building, terrain: Terrain) -> Float[np.ndarray, "n 3"]:

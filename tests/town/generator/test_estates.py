@@ -30,28 +30,6 @@ def test_repeated_houses_are_alike_to_the_pixel():
     assert (of_each == of_each[0]).all() and of_each[0].std() > 20
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_woods_are_closed_but_for_their_glades(seed):
-    plan = make_plan(160, 120, np.random.default_rng(seed), "woods")
-    at, radius = np.array([(t.x, t.y) for t in plan.trees]), np.array([t.radius_m for t in plan.trees])
-    spots = np.random.default_rng(9).uniform([-70, -50], [70, 50], (2000, 2))
-    covered = (np.linalg.norm(spots[:, None] - at, axis=-1) < radius).any(axis=1)
-    assert 0.35 < covered.mean() < 0.95  # a glade and streets in each block, trees everywhere else
-    for house in plan.buildings:
-        assert np.linalg.norm(at - [house.frame.x, house.frame.y], axis=1).min() > 5
-
-
-def test_crowns_are_told_where_they_stand():
-    config = TownConfig(length_m=60, width_m=60, buildings="woods")
-    town = build_town(config, HILLS, np.random.default_rng(0))
-    z, radius = town.crowns[:, 2], town.crowns[:, 3]
-    assert len(town.crowns) > 20 and (radius > 0.5).all() and (z > 1).all()
-    vertices = town.things.vertices
-    near = np.linalg.norm(vertices[:, None, :2] - town.crowns[None, :8, :2], axis=-1) < 0.5 * radius[:8]
-    tops = np.array([vertices[near[:, i], 2].max() for i in range(8)])
-    assert (tops > z[:8]).all()
-
-
 def test_a_bare_roof_has_one_colour():
     roof = paint_roof(8, 5, "bare", (0.5, 0.3, 0.2), 6, np.random.default_rng(0))
     assert roof.shape == (70, 112, 3)
