@@ -9,7 +9,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "town": {"length_m": 75, "width_m": 80, "altitude_m": 45, "width_px": 320, "samples": 1, "photos_per_shard": 8},
     "matching": {"max_features": 2048},
     "grouping": {"k": 4, "groups": 8, "folds": 1},
-    "depth": {"max_px": 128},
+    "depth": {"max_px": 192},
     "surface": {"texel_gsd": 3},
     "sampling": {"domes": 2, "width_px": 96, "height_px": 72},
     "rendering": {"views_per_shard": 4, "samples": 4},

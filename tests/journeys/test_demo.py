@@ -125,7 +125,7 @@ def test_a_training_setting_runs_only_training_and_evaluation(
 def test_in_folds_both_ends_are_tested_and_what_the_folds_share_is_kept(
     first: dict[str, Any], home: Path, served: dict[str, str]
 ) -> None:
-    quick = ("--set", "grouping.folds=2", "--set", "training.steps=5")
+    quick = ("--set", "grouping.folds=2", "--set", "depth.max_px=128", "--set", "training.steps=5")
     folded = run(home, *quick, env=served)
     shared = [stage.name for stage in FROM_TOWN[: FROM_TOWN.index(STAGES["grouping"])]]
     assert computed(folded).isdisjoint(shared)
