@@ -291,7 +291,7 @@ def bench_spoiled(
     set_: Set = [],
     as_json: AsJson = False,
 ) -> None:
-    """Two days' flights about a lake with broken files and copies among them, beside the same without (half an hour).
+    """Two days' flights about a lake with broken files and copies among them, beside the same without (ten minutes).
 
     Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
     """
