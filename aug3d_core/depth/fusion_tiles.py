@@ -169,9 +169,10 @@ def _cut(dense: Dense, view: int, around: Tile, folder: Path) -> tuple[int, int,
     shown[row, column] = depth[row, column]
     left, top, right, bottom = int(column.min()), int(row.min()), int(column.max()) + 1, int(row.max()) + 1
     normals = read_map(dense.map_path(WORKSPACE_NORMAL_MAPS, view))
-    name = image_name(dense.views.photo_id[view])
-    write_map(folder / WORKSPACE_DEPTH_MAPS / f"{name}.geometric.bin", shown[top:bottom, left:right])
-    write_map(folder / WORKSPACE_NORMAL_MAPS / f"{name}.geometric.bin", normals[top:bottom, left:right])
+    photo_id = int(dense.views.photo_id[view])
+    name, map_name = image_name(photo_id), geometric_map_name(photo_id)
+    write_map(folder / WORKSPACE_DEPTH_MAPS / map_name, shown[top:bottom, left:right])
+    write_map(folder / WORKSPACE_NORMAL_MAPS / map_name, normals[top:bottom, left:right])
     with Image.open(dense.workspace / IMAGES / name) as image:
         image.crop((left, top, right, bottom)).save(folder / IMAGES / name, compress_level=1)
     return left, top, right, bottom
