@@ -19,7 +19,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 from xdist.workermanage import WorkerController
 
-from tests.engine_imports import engines_of, mixed
+from tests.engine_imports import ENGINES, engines_of, mixed
 
 KINDS = (("open3d", "pycolmap"), ("cv2", "torch"))
 _SLOW = ("engines", "journeys", "tasks")  # folders: real engines, whole journeys, real servers
@@ -241,16 +241,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("slow")
 
 
-@pytest.fixture(scope="session")
-def mixed_so_far() -> set[str]:
-    """Return the pairs of engines that have been found in this process."""
-    return set()
-
-
 @pytest.fixture(scope="module", autouse=True)
-def engines_stay_apart(mixed_so_far: set[str]) -> Iterator[None]:
-    """Fail where a test file has brought engines into its process that corrupt each other's memory."""
+def engines_are_told(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail where a test file brings in engines that its imports do not tell: it could be given to a process of others.
+
+    A function of the code may import an engine when it is called. The test file then imports that engine, or its module.
+    """
+    before = set(sys.modules)
     yield
-    found = mixed(sys.modules) - mixed_so_far
-    mixed_so_far |= found
-    assert not found, f"{', '.join(sorted(found))} are in one process: run one of them in a process of its own"
+    found = set(ENGINES) & (set(sys.modules) - before) - engines_of(request.path)
+    assert not found, f"{', '.join(sorted(found))}: loaded by {request.path.name}, which does not import it"

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import aug3d_core.look.survey  # noqa: F401  (the command loads it when it is called, and OpenCV with it)
 from flows.cli import app
 from tests.look.flown import lines, take
 
