@@ -24,7 +24,13 @@ else:
 
 REAL, RENDERED = 0, 1
 LEAST_SHOWN = 128  # alpha from which a pixel counts
-SPLITS = ("train", "gap", "support", "target")  # `splits` holds an index into these; rendered views are all `train`
+SPLITS = (
+    "train",
+    "gap",
+    "support",
+    "target",
+    "spare",
+)  # `splits` holds an index into these; rendered views are all `train`
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The depth stage: a depth and a normal map of each photograph but the targets, and two sets of fused points.
 
-Targets are never read. A train photograph is compared with train photographs only, so that `fused.npz`, which the rendered
-domes grow from, holds nothing of any other; `baseline_fused.npz` may use every photograph but the targets.
+Targets are never read, and spare photographs are not needed. A train photograph is compared with train photographs only, so
+that `fused.npz`, which the rendered domes grow from, holds nothing of any other; `baseline_fused.npz` may use all others.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def assist(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -
 def _sources(
     views: Views, points: Points, tracks: Tracks, role: np.ndarray, config: DepthConfig
 ) -> dict[int, list[int]]:
-    given = ~np.isin(role, ["target", ""])
+    given = np.isin(role, ["train", "gap", "support"])
     return choose_sources(views, points, tracks, given, role == "train", OTHERS_PER_SOURCE * config.sources)
 
 

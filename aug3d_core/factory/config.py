@@ -11,7 +11,7 @@ from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.depth.config import DepthConfig
 from aug3d_core.domes.config import SamplingConfig
 from aug3d_core.factory.stages import STAGES
-from aug3d_core.groups.config import GroupingConfig, SimilarityConfig
+from aug3d_core.groups.config import ENOUGH, GroupingConfig, SimilarityConfig
 from aug3d_core.heads.config import config_of, names
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.overlap.config import OverlapConfig
@@ -138,7 +138,8 @@ def place(loc: Iterable[str | int]) -> tuple[str, ...]:
 def _preset(name: str, head: str | None = None) -> SceneConfig:
     if name == AUTO:
         base = _preset(_BASE, head)
-        return base.model_copy(update={"auto": LEFT_OPEN, "grouping": base.grouping.model_copy(update={"k": "auto"})})
+        grouping = base.grouping.model_copy(update={"k": "auto", "enough": ENOUGH})
+        return base.model_copy(update={"auto": LEFT_OPEN, "grouping": grouping})
     stages = {stage.name: stage.presets[name] for stage in STAGES.values() if stage.presets}
     return SceneConfig.model_validate(stages | {"training": presets(head)[name]})
 

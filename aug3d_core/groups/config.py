@@ -9,6 +9,7 @@ from pydantic import Field
 from aug3d_core.run.stage import StageConfig
 
 MOST_K = 10  # that `k=auto` comes to: the paper's better size
+ENOUGH = 5  # that `auto` takes
 
 
 class SimilarityConfig(StageConfig):
@@ -61,6 +62,13 @@ class GroupingConfig(StageConfig):
         ge=0.0,
         le=1.0,
         description="Share of its points that a training view may share with the test block.",
+    )
+    enough: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="Photographs that are enough of a place: a training photograph is left out if so many others show nine"
+        " tenths of the surface in it; 0: none is [photographs].",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 

@@ -5,13 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from aug3d_core.groups.config import GroupingConfig
+from aug3d_core.groups.config import ENOUGH, GroupingConfig
+from aug3d_core.groups.spare import MOST_SHOWN
 from aug3d_core.run.stage import Decision
 
 
 def decisions(metrics: Mapping[str, Any], config: GroupingConfig, notes: Sequence[str]) -> Iterator[Decision]:
-    """Yield the size of groups, the gap around the test and the number of folds. A note may say why the gap is narrow."""
-    photos = f"{metrics['train_views']} training photographs"
+    """Yield how many photographs are worth using, the size of groups, the gap around the test and the number of folds.
+
+    A note may say why the gap is narrow.
+    """
+    used, gap, spare, possible = (
+        metrics[name] for name in ("train_views", "gap_views", "spare_views", "spare_possible")
+    )
+    there, others = used + gap + spare, config.enough or ENOUGH
+    yield Decision(
+        field="grouping.enough",
+        value=f"{there - possible} of {there}",
+        measured=f"{possible} photographs outside the test show little surface that {others} others do not show",
+        rule=f"one is worth using unless {others} others that stay show {MOST_SHOWN:.0%} of its surface;"
+        f" {'the rest is left out' if config.enough else 'all are used'}",
+        saves=f"{spare / there:.0%} of what grows with photographs" if spare else "",
+    )
+    photos = f"{used} training photographs"
     yield Decision(field="grouping.k", value=metrics["k"], measured=photos, rule=metrics["k_reason"])
     if (gap := metrics["gap_footprints"]) is not None:
         yield Decision(

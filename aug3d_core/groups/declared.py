@@ -36,6 +36,7 @@ GROUPING = Stage(
             "method k k_reason groups shared_points_mean shared_points_min shared_points_p10 shared_points_median "
             "members_sharing_nothing_share members_apart_share members_unseen_share jaccard_mean "
             "test_shared_points_median folds train_views gap_views support_views target_views "
+            "spare_views spare_possible worth_training_on "
             "footprint_world_units gap_footprints gap_shared_share"
         ),
     ),

@@ -14,7 +14,13 @@ from scipy import sparse
 
 from aug3d_core.split.split import Role, Split
 
-_ROLE_COLOURS = {Role.TRAIN: "tab:blue", Role.GAP: "lightgrey", Role.SUPPORT: "tab:orange", Role.TARGET: "tab:red"}
+_ROLE_COLOURS = {
+    Role.TRAIN: "tab:blue",
+    Role.SPARE: "white",
+    Role.GAP: "lightgrey",
+    Role.SUPPORT: "tab:orange",
+    Role.TARGET: "tab:red",
+}
 _MOST_PIXELS = 1500
 _GROUPS_DRAWN = 8
 
@@ -49,6 +55,8 @@ def draw_grouping(
     roles, groups = figure.subplots(1, 2)
     for role, colour in _ROLE_COLOURS.items():
         chosen = split.views(role)
+        if role == Role.SPARE and not len(chosen):
+            continue
         at, look = centres_in_world[chosen], look_in_world[chosen]
         roles.add_collection(LineCollection([*np.stack([at, look], axis=1)], colors=colour, linewidths=1, alpha=0.5))
         label = f"{role} ({len(chosen)})"

@@ -58,14 +58,18 @@ class GroupingScene:
         return share(self.shared)
 
     @cached_property
-    def seen_share(self) -> sparse.csr_array:
-        """How much of the same surface each pair of views shows, as shares of their pictures (n x n), 0 to 1."""
+    def seen(self) -> sparse.csr_array:
+        """What part of the surface each view sees (n x cubes), as `seen_cells` tells it."""
         try:
             ground = self.ground
         except InputError:
             ground = None
-        seen = seen_cells(self.views, self.points_in_world, ground)
-        return share(sparse.csr_array(seen @ seen.T))
+        return seen_cells(self.views, self.points_in_world, ground)
+
+    @cached_property
+    def seen_share(self) -> sparse.csr_array:
+        """How much of the same surface each pair of views shows, as shares of their pictures (n x n), 0 to 1."""
+        return share(sparse.csr_array(self.seen @ self.seen.T))
 
     @cached_property
     def twins(self) -> list[list[int]]:

@@ -24,7 +24,7 @@ from aug3d_core.groups.audit import (
     split_remarks,
 )
 from aug3d_core.groups.cluster_size import cluster_size
-from aug3d_core.groups.config import GroupingConfig
+from aug3d_core.groups.config import ENOUGH, GroupingConfig
 from aug3d_core.groups.decisions import decisions
 from aug3d_core.groups.files import GROUPING_MAP, GROUPS, LEFT_OUT_TABLE
 from aug3d_core.groups.left_out import left_out, left_out_table, remarks
@@ -32,6 +32,7 @@ from aug3d_core.groups.methods import METHODS, shared_points
 from aug3d_core.groups.picture import draw_grouping
 from aug3d_core.groups.read_scene import read_scene
 from aug3d_core.groups.scene import GroupingScene
+from aug3d_core.groups.spare import spare_views
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import AS_SET, Inputs, Outcome, Progress
 from aug3d_core.sfm.files import TRACKS
@@ -46,7 +47,9 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     views, points_in_world = scene.views, scene.points_in_world
     visible = visibility(tracks, len(views), len(points_in_world))
     footprint = footprints(tracks, points_in_world, scene.look_in_world)
-    split = split_views(scene.look_in_world, footprint, views.photo_id, visible, config)
+    whole = split_views(scene.look_in_world, footprint, views.photo_id, visible, config)
+    thinned = _thinned(whole, scene, config.enough or ENOUGH)
+    split = thinned if config.enough else whole
     train = split.views(Role.TRAIN)
     size = _size(scene, train, config)
     rng = np.random.default_rng(config.seed)
@@ -64,7 +67,11 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     made = _metrics(scene, train, members, test_members)
     doubts = [*split_doubts(figures, config), *group_doubts(made)]
     chosen = {"method": config.method, "k": size.k, "k_reason": size.reason, "left_out": len(alone)}
-    metrics = chosen | made | figures
+    possible = {
+        "spare_possible": len(thinned.views(Role.SPARE)),
+        "worth_training_on": len(thinned.views(Role.TRAIN)),
+    }
+    metrics = chosen | made | figures | possible
     notes = (*split_remarks(figures, config), *doubts, *size.notes, *remarks(alone, views.photo_id))
     return Outcome(
         metrics=metrics,
@@ -73,6 +80,14 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
         pictures={"Roles and groups": GROUPING_MAP},
         decisions=tuple(decisions(metrics, config, notes)),
     )
+
+
+def _thinned(split: Split, scene: GroupingScene, enough: int) -> Split:
+    """Return the split without photographs that show nothing of their own: training sees none of the others."""
+    train, none = split.views(Role.TRAIN), np.empty(0, int)
+    split = split.without(spare_views(scene.seen, train, none, enough))
+    stay = split.views(Role.TRAIN, Role.SUPPORT)
+    return split.without(spare_views(scene.seen, split.views(Role.GAP), stay, enough))
 
 
 def test_groups(scene: GroupingScene, split: Split, k: int) -> Int[np.ndarray, "t k_test"]:

@@ -107,7 +107,7 @@ border-bottom:1px solid var(--line)}
 .cam.g0{fill:var(--g0)}.cam.g1{fill:var(--g1)}.cam.g2{fill:var(--g2)}.cam.g3{fill:var(--g3)}.cam.g4{fill:var(--g4)}
 .cam.g5{fill:var(--g5)}.cam.g6{fill:var(--g6)}.cam.g7{fill:var(--g7)}.cam.g8{fill:var(--g8)}.cam.g9{fill:var(--g9)}
 .key.train{background:conic-gradient(var(--g0),var(--g2),var(--g1),var(--g6),var(--g3),var(--g7),var(--g0))}
-.cam.gap{fill:var(--gap);r:calc(.75*var(--r))}.key.gap{background:var(--gap)}.key.placed{background:#fff}
+.cam.gap,.cam.spare{fill:var(--gap);r:calc(.75*var(--r))}.cam.spare{fill-opacity:.4}.key.gap,.key.spare{background:var(--gap)}.key.placed{background:#fff}
 .cam.support{fill:#fff;stroke:#e07b00;stroke-width:3.5}.key.support{background:#fff;border:3px solid #e07b00}
 .cam.target{fill:var(--target);stroke:#fff;stroke-width:3;r:calc(1.3*var(--r))}
 .key.target{background:var(--target);border:2px solid #fff;box-shadow:0 0 0 1px #0006}
@@ -149,7 +149,7 @@ dialog::backdrop{background:#000c}
 dialog>img{width:98vw;height:96vh;max-height:none;object-position:center;cursor:zoom-in;border-radius:0}
 dialog img.full{width:auto;height:auto;cursor:zoom-out}
 @media screen and (max-width:700px){.cam,.dome{r:calc(1.7*var(--r))}
-.cam.gap{r:calc(1.3*var(--r))}.cam.target{r:calc(2.1*var(--r))}svg .scale-text{font-size:34px}
+.cam.gap,.cam.spare{r:calc(1.3*var(--r))}.cam.target{r:calc(2.1*var(--r))}svg .scale-text{font-size:34px}
 .curves svg text{font-size:15.5px}.wide svg text{font-size:18px}.virtual{stroke-width:9}
 .costs{grid-template-columns:1fr 1fr;gap:2px 12px}.costs .name{grid-column:1/3;margin-top:6px}
 .costs>span:first-child{display:none}.cost,.cost i{display:block}

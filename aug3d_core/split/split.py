@@ -2,7 +2,8 @@
 
 The ground that the views look at is cut across its longest direction, and one piece is the test block. Its views are
 `support` (inputs at test time) or `target` (what is predicted). A view outside that looks within a footprint of where one
-of the block looks, or shares too many points with the block, is `gap` and used by nobody in training; the rest is `train`.
+of the block looks, or shares too many points with the block, is `gap` and used by nobody in training; the rest is `train`,
+or `spare` where grouping finds that enough others show the same.
 
 A single split takes an end of the ground. Where that would test too few photographs to say anything, or leave a test that
 training sees, both ends are taken: each is the test block of a data set and a model of its own, and the figures are taken
@@ -12,7 +13,7 @@ over both. An end has neighbours on one side only, so its gap can be wider than 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
@@ -50,6 +51,7 @@ class Role(StrEnum):
     """What a view is used for."""
 
     TRAIN = "train"
+    SPARE = "spare"  # would be for training, but enough others show the same
     GAP = "gap"
     SUPPORT = "support"
     TARGET = "target"
@@ -65,6 +67,12 @@ class Split:
     role: np.ndarray  # (n,) of str
     folds: int
     narrowed: float
+
+    def without(self, spare: Int[np.ndarray, " s"]) -> Split:
+        """Return the split with these views spare."""
+        role = self.role.copy()
+        role[spare] = Role.SPARE
+        return replace(self, role=role)
 
     def views(self, *roles: Role) -> Int[np.ndarray, " m"]:
         """Return the views that have one of the roles."""

@@ -11,6 +11,7 @@ GROUP, SPLIT, REGISTRATION = "group", "split", "registration"
 TARGET = "target"  # the role of a test view, which has its colour however the others are coloured
 ROLES = {
     "train": (66, 133, 244),
+    "spare": (210, 210, 210),
     "gap": (150, 150, 150),
     "support": (52, 168, 83),
     TARGET: (234, 67, 53),

@@ -162,6 +162,21 @@ def test_fused_points_lie_on_the_scene_and_face_up(found: tuple[Path, Outcome]) 
     assert outcome.state == "ok"
 
 
+def test_spare_photographs_are_neither_swept_nor_compared_with(inputs: Inputs, tmp_path: Path) -> None:
+    """The same files come out as if they had never been taken."""
+    spare, made = [2, 5], {}
+    for name, roles in (("spare", {2: "spare", 5: "spare"}), ("never", {2: "", 5: ""})):
+        grouping, out = tmp_path / name / "grouping", tmp_path / name / "depth"
+        grouping.mkdir(parents=True), out.mkdir()
+        table = pd.DataFrame({"view": range(12), "role": [roles.get(view, ROLES[view]) for view in range(12)]})
+        table[table["role"] != ""].to_parquet(grouping / SPLIT_TABLE)
+        outcome = find_depth({**inputs, "grouping": grouping}, out, max_px=64)
+        made[name] = files(out)
+        assert outcome.metrics["photos"] == 9, "eight for training, but two, and those of gap and support"
+        assert not any((out / DEPTH_MAPS / geometric_map_name(view)).exists() for view in spare)
+    assert made["spare"] == made["never"]
+
+
 def test_fusion_takes_no_more_than_a_share_of_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its own default is to load every map."""
     asked = []

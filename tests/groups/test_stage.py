@@ -13,7 +13,7 @@ from scipy import sparse
 
 from aug3d_core.geometry.views import Tracks
 from aug3d_core.groups import similarity_stage, stage
-from aug3d_core.groups.config import GroupingConfig, SimilarityConfig
+from aug3d_core.groups.config import ENOUGH, GroupingConfig, SimilarityConfig
 from aug3d_core.groups.methods import METHODS
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
@@ -73,6 +73,27 @@ def test_same_input_same_bytes(tmp_path: Path) -> None:
     run_both(tmp_path, fly(), "two")
     for file in sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")):
         assert cmp(tmp_path / "one" / file, tmp_path / "two" / file, shallow=False), file
+
+
+def test_spare_photographs_are_left_out_and_counted_where_none_is(tmp_path: Path) -> None:
+    _, whole, out = run_both(tmp_path, fly(80), "whole", k=6)
+    _, thinned, thin = run_both(tmp_path, fly(80), "thin", k=6, enough=ENOUGH)
+    before, after = (pd.read_parquet(folder / "split.parquet")["role"].astype(str) for folder in (out, thin))
+    spare = after == "spare"
+    assert before[spare].isin(["train", "gap"]).all() and (before[~spare] == after[~spare]).all(), (
+        "the test stays as it is"
+    )
+    assert 0.2 < spare.sum() / before.isin(["train", "gap"]).sum() < 0.8, "each place is in up to sixteen photographs"
+    with np.load(thin / "groups.npz") as arrays:
+        assert set(after[arrays["members"].ravel()]) == {"train"}
+    assert thinned.metrics["spare_views"] == whole.metrics["spare_possible"] == spare.sum()
+    assert whole.metrics["spare_views"] == 0 and (before[spare] == "gap").any() and (after == "gap").any()
+    for one in (thinned, whole):
+        assert one.metrics["worth_training_on"] == thinned.metrics["train_views"] < whole.metrics["train_views"]
+    told, only_counted = (next(d for d in one.decisions if d.field == "grouping.enough") for one in (thinned, whole))
+    used = before.isin(["train", "gap"]).sum()
+    assert told.value == only_counted.value == f"{used - spare.sum()} of {used}" and told.saves
+    assert not only_counted.saves and "all are used" in only_counted.rule
 
 
 def test_k_larger_than_the_training_views_is_reduced_with_a_note(tmp_path: Path) -> None:

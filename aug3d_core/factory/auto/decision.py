@@ -11,7 +11,6 @@ from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.material import Material
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.stage import Decision, Metric, StageConfig
-from aug3d_core.sfm.files import TRACKS
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
@@ -54,16 +53,11 @@ class Known:
         count = self.figure("town", "photos")
         return None if count is None else int(count)
 
-    @cached_property
-    def training_photos(self) -> tuple[int, int] | None:
-        """How many training photographs there are, and how many of them show something of their own; None before the split."""
-        from aug3d_core.factory.auto.distinct import training_photos  # with pandas, which most commands do without
-        from aug3d_core.split.files import SPLIT_TABLE
-
-        sfm, grouping = self.folder("sfm", TRACKS), self.folder("grouping", SPLIT_TABLE)
-        if sfm is None or grouping is None:
-            return None
-        return training_photos(sfm, grouping, self.config.training.input_views)
+    @property
+    def training_photos(self) -> int | None:
+        """How many photographs are worth training on; None before the split."""
+        count = self.figure("grouping", "worth_training_on")
+        return None if count is None else int(count)
 
     @cached_property
     def photo_px(self) -> int:

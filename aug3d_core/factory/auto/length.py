@@ -90,9 +90,9 @@ class Length:
 
 
 def photographed_pixels(known: Known) -> tuple[int, str] | None:
-    """Count the pixels of distinct training photographs as they are packed, and tell of them; None before the split."""
+    """Count the pixels of photographs worth training on as they are packed, and tell of them; None before the split."""
     photos, packed = known.training_photos, known.config.dataset
     if photos is None:
         return None
-    pixels = photos[1] * packed.width_px * packed.height_px
-    return pixels, f"{photos[1]} of {photos[0]} training photographs show something of their own: {pixels:,} pixels"
+    pixels = photos * packed.width_px * packed.height_px
+    return pixels, f"{photos} photographs are worth training on: {pixels:,} pixels"

@@ -20,15 +20,14 @@ def domes(known: Known) -> Decision | None:
     photos, k = known.training_photos, known.figure("grouping", "k")
     if photos is None or not k:
         return None
-    count, own = photos
     preset = known.config.sampling.domes
     members = known.config.sampling.views_per_dome or int(k)  # fewer than K are refused: a dome is packed as a group
     why_none = _why_none(known)
-    value = 0 if why_none else math.ceil(own / members)
+    value = 0 if why_none else math.ceil(photos / members)
     return Decision(
         field="sampling.domes",
         value=value,
-        measured=f"{own} of {count} training photographs show something of their own; {members} views a dome; {_told(known)}",
+        measured=f"{photos} photographs are worth training on; {members} views a dome; {_told(known)}",
         rule=f"none: {why_none}" if why_none else "as many virtual views as such photographs",
         saves=f"{preset - value} of the preset's {preset} domes" if value < preset else "",
         costs="less of the surface is seen from new directions" if value < preset else "",

@@ -44,10 +44,9 @@ class Likely(Known):
         return self.size.photos
 
     @property
-    def training_photos(self) -> tuple[int, int]:
-        """How many training photographs there are likely; all of them show something of their own."""
-        count = max(round(_TRAINED_ON * self.size.photos), 1)
-        return count, count
+    def training_photos(self) -> int:
+        """How many photographs are likely worth training on."""
+        return max(round(_TRAINED_ON * self.size.photos), 1)
 
     @property
     def photo_px(self) -> int:

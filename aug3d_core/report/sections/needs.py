@@ -16,7 +16,7 @@ _CALLED = {
     "sfm.focal": "focal length",
     "sfm.up": "vertical",
     "sfm.ground": "ground model",
-    "grouping.distinct_photos": "photographs useful for training",
+    "grouping.enough": "photographs worth using",
     "grouping.k": "photographs in a group (K)",
     "grouping.gap_footprints": "gap around the test [footprints]",
     "grouping.folds": "folds",

@@ -130,6 +130,7 @@ def _legend(run: ReportedRun, roles: np.ndarray, coloured: int) -> str:
     groups = number(run.metric("grouping", "groups"))
     said = {
         "train": f"training; colours show {coloured} of {groups} groups, which contain all of them",
+        "spare": "spare: left out, as enough others show the same",
         "gap": "gap: used neither for training nor for the test",
         "support": "support: input photographs of the test",
         "target": "target: held out and predicted in the test",

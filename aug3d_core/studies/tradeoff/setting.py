@@ -97,6 +97,12 @@ SETTINGS = (
     _views("render samples", ("rendering.samples",), ("4", "16", "64"), ("rendering",)),
     _views("size of virtual views (px)", _SIZE, ("x2/3", "x1", "x4/3"), _VIRTUAL),
     _views("domes of virtual views", ("sampling.domes",), ("x1/4", "x1/2", "x1", "x2"), (*_VIRTUAL, *_NETWORK)),
+    _views(
+        "photographs that are enough of a place (0: any number)",
+        ("grouping.enough",),
+        ("3", "5", "8", "0"),
+        (*_DENSE, *_VIRTUAL, *_NETWORK),
+    ),
     _views("views in a group (K)", ("grouping.k",), ("4", "12", "auto"), ("grouping", *_VIRTUAL, *_NETWORK)),
     _views("width of the network", ("training.head.hidden",), ("x1/2", "x1", "x2"), _NETWORK),
     _views("samples on a ray", ("training.head.coarse_samples",), ("x1/2", "x1", "x2"), _NETWORK),

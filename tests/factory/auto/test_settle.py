@@ -13,14 +13,12 @@ from aug3d_core.factory.auto.settle import settle
 from aug3d_core.factory.config import AUTO, LEFT_OPEN, PRESETS, left_open, overridden, scene_config, validated_config
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.stages import FROM_PHOTOS, STAGES
-from aug3d_core.geometry.views import Tracks
 from aug3d_core.heads.config import names
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.nested import flat, value_at
 from aug3d_core.run.stage import StageConfig
-from aug3d_core.sfm.files import TRACKS, VIEWS
-from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 from tests.report.made_up_run import flight, flown, record
@@ -28,7 +26,6 @@ from tests.report.made_up_run import flight, flown, record
 
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
-    seen_by_each(tmp_path / "home", train=31)
     return Here(tmp_path / "home")
 
 
@@ -44,7 +41,7 @@ def made(**metrics: Any) -> dict[str, Record]:
     figures: dict[str, dict[str, Any]] = {
         "town": {"photos": 60},
         "sfm": {"registered": 60},
-        "grouping": {"k": 15, "support_views": 11},
+        "grouping": {"k": 15, "support_views": 11, "worth_training_on": 31},
         "surface": {"render_psnr": 33.0, "covered_share": 0.95},
         "dataset": {"groups_real": 31, "groups_rendered": 3},
     }
@@ -61,18 +58,9 @@ class Here(Store):
         return self.root / record.stage
 
 
-def seen_by_each(folder: Path, train: int, alike: int = 1) -> None:
-    """Write training photographs that show ten points each; so many at a time show the same."""
-    for stage in ("sfm", "grouping"):
-        (folder / stage).mkdir(parents=True, exist_ok=True)
-    view, point = np.divmod(np.arange(10 * train), 10)
-    Tracks(point=point + 10 * (view // alike), view=view, xy=np.zeros((len(view), 2))).save(folder / "sfm" / TRACKS)
-    split = pd.DataFrame({"view": range(train), "role": "train"})
-    split.to_parquet(folder / "grouping" / SPLIT_TABLE)
-
-
-def settled(store: Store, stage: str, *overrides: str, train: int = 31, alike: int = 1, **metrics: Any) -> Any:
-    seen_by_each(store.root, train, alike)
+def settled(store: Store, stage: str, *overrides: str, train: int = 31, **metrics: Any) -> Any:
+    """Return a stage's settings. train: photographs worth training on."""
+    metrics = {"grouping__worth_training_on": train} | metrics
     return settle(STAGES[stage], scene_config(AUTO, overrides), made(**metrics), store).config
 
 
@@ -203,7 +191,6 @@ def test_what_smaller_depth_maps_cost_is_told_where_they_are_smaller(store: Stor
 
 def test_samples_of_which_the_user_set_a_part_are_the_users(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("aug3d_core.factory.auto.pixelnerf.known_parallax", lambda known: 60.0)
-    seen_by_each(store.root, 31)
     samples = {name: f"training.head.{name}_samples" for name in ("coarse", "fine", "depth")}
 
     def decided(*overrides: str) -> dict[str, object]:
@@ -242,6 +229,7 @@ def test_steps_grow_with_what_there_is_to_learn_from(store: Store) -> None:
     assert settled(store, "training", train=62).steps == 744
     assert settled(store, "training", "training.head.crop_px=64", train=62).steps == 2976
     assert settled(store, "training", train=6).steps == 300, "the rate has to rise and fall"
+    assert settled(store, "sampling", train=30).domes == 2
 
 
 def test_rays_are_counted_where_a_step_looks_along_rays(store: Store) -> None:
@@ -249,13 +237,6 @@ def test_rays_are_counted_where_a_step_looks_along_rays(store: Store) -> None:
     assert settled(store, "training", *NERF, train=62).steps == 1256
     assert settled(store, "training", *NERF, "training.head.rays_per_group=512").steps == 314
     assert settled(store, "training", *NERF, train=6).steps == 300
-
-
-def test_more_of_the_same_is_not_trained_on_longer(store: Store) -> None:
-    assert settled(store, "training", train=60).steps == 720
-    assert settled(store, "training", train=60, alike=10).steps == 360, "of ten that show the same, five stay"
-    assert settled(store, "training", train=60, alike=5).steps == 720, "the model is given five: each is wanted"
-    assert settled(store, "sampling", train=60, alike=10).domes == 2
 
 
 def test_the_network_is_as_wide_as_there_are_pixels_to_learn_it_from(store: Store) -> None:
@@ -278,7 +259,6 @@ def test_few_steps_are_all_made(store: Store) -> None:
 
 def test_planes_grow_with_the_layer_that_they_sweep(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """One for 1.5 px of parallax, in steps of eight."""
-    seen_by_each(store.root, 31)
 
     def planes(parallax: float | None) -> int:
         monkeypatch.setattr("aug3d_core.factory.auto.sweep.known_parallax", lambda known: parallax)
