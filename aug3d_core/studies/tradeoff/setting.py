@@ -98,7 +98,7 @@ SETTINGS = (
     _views("size of virtual views (px)", _SIZE, ("x2/3", "x1", "x4/3"), _VIRTUAL),
     _views("domes of virtual views", ("sampling.domes",), ("x1/4", "x1/2", "x1", "x2"), (*_VIRTUAL, *_NETWORK)),
     _views(
-        "photographs that are enough of a place (0: any number)",
+        "photographs enough of a place",
         ("grouping.enough",),
         ("3", "5", "8", "0"),
         (*_DENSE, *_VIRTUAL, *_NETWORK),
