@@ -241,13 +241,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("slow")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def engines_are_told(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Fail where a test file brings in engines that its imports do not tell: it could be given to a process of others.
+@pytest.fixture(scope="session")
+def mixed_so_far() -> set[str]:
+    """Return the pairs of engines that have been found in this process."""
+    return set()
 
-    A function of the code may import an engine when it is called. The test file then imports that engine, or its module.
+
+@pytest.fixture(scope="module", autouse=True)
+def engines_are_told(request: pytest.FixtureRequest, mixed_so_far: set[str]) -> Iterator[None]:
+    """Fail where engines meet that corrupt each other's memory, and where a test file brings in one that it does not tell.
+
+    Such a file could be given to a process of others, so that chance decided whether they meet. A function of the code may
+    import an engine when it is called: the test file then imports that engine, or its module.
     """
     before = set(sys.modules)
     yield
-    found = set(ENGINES) & (set(sys.modules) - before) - engines_of(request.path)
-    assert not found, f"{', '.join(sorted(found))}: loaded by {request.path.name}, which does not import it"
+    found = mixed(sys.modules) - mixed_so_far
+    mixed_so_far |= found
+    assert not found, f"{', '.join(sorted(found))} are in one process: run one of them in a process of its own"
+    untold = set(ENGINES) & (set(sys.modules) - before) - engines_of(request.path)
+    assert not untold, f"{', '.join(sorted(untold))}: loaded by {request.path.name}, which does not import it"

@@ -152,9 +152,18 @@ def test_a_pair_may_meet_or_is_named() -> None:
         assert mixed(pair) == (set() if set(pair) in ALLOWED else {" and ".join(pair)})
 
 
+@pytest.mark.parametrize(("pair", "code"), [(("open3d", "torch"), 1), (("cv2", "torch"), 0)])
+def test_engines_that_meet_while_testing_fail_the_run(pair: tuple[str, str], code: int, tmp_path: Path) -> None:
+    tells = "".join(f"    import {engine}\n" for engine in pair) if code == 0 else ""
+    load = "".join(f"    __import__({engine!r})\n" for engine in pair)
+    done = run(tmp_path, "-n", "0", test_it=f"def test_it():\n{tells}{load}")
+    assert done.returncode == code, done.stdout
+    assert ("open3d and torch are in one process" in done.stdout) == (code == 1)
+
+
 @pytest.mark.parametrize("told", [False, True])
 def test_an_engine_that_a_file_loads_without_telling_fails_the_run(told: bool, tmp_path: Path) -> None:
-    """What it loads is found whatever else is in the process, so that no chance decides whether a run fails."""
+    """Though it meets no other: in another process it would."""
     tells = "def tells():\n    import cv2\n" if told else ""
     done = run(tmp_path, "-n", "0", test_it=f"{tells}def test_it():\n    __import__('cv2')\n")
     assert done.returncode == (0 if told else 1), done.stdout

@@ -24,13 +24,8 @@ else:
 
 REAL, RENDERED = 0, 1
 LEAST_SHOWN = 128  # alpha from which a pixel counts
-SPLITS = (
-    "train",
-    "gap",
-    "support",
-    "target",
-    "spare",
-)  # `splits` holds an index into these; rendered views are all `train`
+# `splits` holds an index into these; rendered views are all `train`
+SPLITS = ("train", "gap", "support", "target", "spare")
 
 
 @dataclass(frozen=True)

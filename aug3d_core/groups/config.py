@@ -67,7 +67,7 @@ class GroupingConfig(StageConfig):
         default=0,
         ge=0,
         le=1000,
-        description="Photographs that are enough of a place: a training photograph is left out if so many others show nine"
+        description="Photographs that are enough of a place: one outside the test is left out if so many others show nine"
         " tenths of the surface in it; 0: none is [photographs].",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")

@@ -1,4 +1,4 @@
-"""Which training photographs show nothing of their own: enough others show the same."""
+"""Which photographs show nothing of their own: enough others show the same."""
 
 from __future__ import annotations
 

@@ -123,7 +123,10 @@ class _Size:
 
 def _size(scene: GroupingScene, train: Int[np.ndarray, " m"], config: GroupingConfig) -> _Size:
     if len(train) < 2:
-        raise InputError(f"{len(train)} view is left for training", "Add photographs, or lower grouping.test_share.")
+        raise InputError(
+            f"{len(train)} view is left for training",
+            "Add photographs, lower grouping.test_share, or raise grouping.enough if it is set.",
+        )
     if config.k == "auto":
         k, reason = cluster_size(scene.shared_share, train)
         return _Size(k, reason, (f"K is {k}: {reason}",))

@@ -2,8 +2,8 @@
 
 The ground that the views look at is cut across its longest direction, and one piece is the test block. Its views are
 `support` (inputs at test time) or `target` (what is predicted). A view outside that looks within a footprint of where one
-of the block looks, or shares too many points with the block, is `gap` and used by nobody in training; the rest is `train`,
-or `spare` where grouping finds that enough others show the same.
+of the block looks, or shares too many points with the block, is `gap` and used by nobody in training; the rest is `train`.
+Grouping may find `spare` ones among `gap` and `train`: enough others show the same.
 
 A single split takes an end of the ground. Where that would test too few photographs to say anything, or leave a test that
 training sees, both ends are taken: each is the test block of a data set and a model of its own, and the figures are taken
@@ -51,7 +51,7 @@ class Role(StrEnum):
     """What a view is used for."""
 
     TRAIN = "train"
-    SPARE = "spare"  # would be for training, but enough others show the same
+    SPARE = "spare"  # neither of the test nor needed: enough others show the same
     GAP = "gap"
     SUPPORT = "support"
     TARGET = "target"
