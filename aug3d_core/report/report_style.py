@@ -107,7 +107,7 @@ border-bottom:1px solid var(--line)}
 .cam.g0{fill:var(--g0)}.cam.g1{fill:var(--g1)}.cam.g2{fill:var(--g2)}.cam.g3{fill:var(--g3)}.cam.g4{fill:var(--g4)}
 .cam.g5{fill:var(--g5)}.cam.g6{fill:var(--g6)}.cam.g7{fill:var(--g7)}.cam.g8{fill:var(--g8)}.cam.g9{fill:var(--g9)}
 .key.train{background:conic-gradient(var(--g0),var(--g2),var(--g1),var(--g6),var(--g3),var(--g7),var(--g0))}
-.cam.gap,.cam.spare{fill:var(--gap);r:calc(.75*var(--r))}.cam.spare{fill-opacity:.4}.key.gap,.key.spare{background:var(--gap)}.key.placed{background:#fff}
+.cam.gap,.cam.spare{fill:var(--gap);r:calc(.75*var(--r))}.cam.spare{fill-opacity:.4}.key.gap,.key.spare{background:var(--gap)}.key.spare{opacity:.4}.key.placed{background:#fff}
 .cam.support{fill:#fff;stroke:#e07b00;stroke-width:3.5}.key.support{background:#fff;border:3px solid #e07b00}
 .cam.target{fill:var(--target);stroke:#fff;stroke-width:3;r:calc(1.3*var(--r))}
 .key.target{background:var(--target);border:2px solid #fff;box-shadow:0 0 0 1px #0006}

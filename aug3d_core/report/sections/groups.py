@@ -34,7 +34,7 @@ def _said(run: ReportedRun) -> str:
         f"{figures[f'{role}_views']} {word}"
         for role, word in (
             ("train", "for training"),
-            ("spare", "left out, as others show the same"),
+            ("spare", "spare, as others show the same"),
             ("gap", "in the gap"),
             ("support", "support"),
             ("target", "held out"),
