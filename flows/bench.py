@@ -245,6 +245,21 @@ def bench_view(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_js
     _bench("view", home, preset, set_, as_json, measure)
 
 
+@bench.command("gpu")
+def bench_gpu(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    """Training and views on a CUDA GPU, beside the same on this machine's cores (the demo's time, and five minutes).
+
+    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
+    """
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        from aug3d_core.bench import gpu
+
+        return Measurement(gpu.figures(store, scene, say))
+
+    _bench("gpu", home, preset, set_, as_json, measure)
+
+
 @bench.command("tiles")
 def bench_tiles(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
     """The town's fusion and surface in 1, 4 and 16 tiles of ground: accuracy, borders, and memory (twice the demo's time).

@@ -11,11 +11,25 @@ from aug3d_core.run.memory import total_bytes
 
 
 def describe_machine() -> str:
-    """Return processor, cores that this process may use, memory, Python, and the day."""
+    """Return processor, cores that this process may use, memory, GPUs, Python, and the day."""
     cores = len(os.sched_getaffinity(0))
     memory_gib = total_bytes() / 2**30
     day = datetime.now(UTC).date().isoformat()
-    return f"{_processor()}, {cores} cores, {memory_gib:.0f} GiB, Python {platform.python_version()}, {day}"
+    parts = [
+        _processor(),
+        f"{cores} cores",
+        f"{memory_gib:.0f} GiB",
+        *_gpus(),
+        f"Python {platform.python_version()}",
+        day,
+    ]
+    return ", ".join(parts)
+
+
+def _gpus(drivers: Path = Path("/proc/driver/nvidia/gpus")) -> list[str]:
+    """Return the model of each GPU that NVIDIA's driver knows."""
+    told = "\n".join(path.read_text() for path in sorted(drivers.glob("*/information")))
+    return [line.partition(":")[2].strip() for line in told.splitlines() if line.startswith("Model:")]
 
 
 def _processor() -> str:

@@ -57,13 +57,14 @@ def gains(colours: Float[Tensor, "v 3 h w"], seen: Float[Tensor, "v 1 h w"]) -> 
     For each two views that both see at least _FEWEST_POINTS points the median of their colours' ratio counts, as often as there
     are points. A view that shares none keeps its colours. A factor is at most _MOST_GAIN, or one by it.
     """
-    views = len(colours)
+    views, device = len(colours), colours.device
+    colours, seen = colours.cpu(), seen.cpu()  # small, and asked for a number at each pair: a GPU would be waited for
     usable = (
         (seen > 0) & (colours > _DARKEST).all(dim=1, keepdim=True) & (colours < _BRIGHTEST).all(dim=1, keepdim=True)
     )
     logs = colours.clamp(min=_DARKEST).log().flatten(2)
-    equations = torch.zeros(views, views, device=colours.device)
-    wanted = torch.zeros(views, 3, device=colours.device)
+    equations = torch.zeros(views, views)
+    wanted = torch.zeros(views, 3)
     for one in range(views):
         for other in range(one + 1, views):
             both = (usable[one] & usable[other]).flatten()
@@ -76,6 +77,6 @@ def gains(colours: Float[Tensor, "v 3 h w"], seen: Float[Tensor, "v 1 h w"]) -> 
             wanted[one] -= count * apart
             wanted[other] += count * apart
     ridge = _RIDGE * equations.diagonal().mean().clamp(min=1.0)
-    found = torch.linalg.solve(equations + ridge * torch.eye(views, device=colours.device), wanted)
+    found = torch.linalg.solve(equations + ridge * torch.eye(views), wanted)
     limit = math.log(_MOST_GAIN)
-    return found.clamp(-limit, limit).exp()
+    return found.clamp(-limit, limit).exp().to(device)
