@@ -12,9 +12,9 @@ from aug3d_core.run.stage import StageConfig
 class DepthConfig(StageConfig):
     """How a depth map is found for each photograph, and what is believed of it."""
 
-    engine: Literal["auto", "sweep", "patch_match"] = Field(
-        default="auto",
-        description="Plane sweep on the CPU, COLMAP's patch-match on a CUDA GPU, or the latter where it can run.",
+    engine: Literal["sweep", "patch_match"] = Field(
+        default="sweep",
+        description="Plane sweep on the CPU, or COLMAP's patch-match, which needs a CUDA GPU and is no faster there.",
     )
     max_px: int = Field(
         default=512, ge=64, le=8192, description="Width (px) of the depth maps at most; never more than the photo's."

@@ -9,13 +9,7 @@ from aug3d_core.run.stage import Decision
 
 
 def decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
-    """Yield the engine, and the number of planes of a sweep."""
-    yield Decision(
-        field="depth.engine",
-        value=metrics["engine"],
-        measured="what this machine can run",
-        rule=metrics["engine_reason"],
-    )
+    """Yield the number of planes of a sweep."""
     if metrics.get("planes_median"):
         yield Decision(
             field="depth.planes",

@@ -20,8 +20,7 @@ DEPTH = Stage(
     metrics=declared(
         higher="consistent_share",
         lower="seconds_per_photo",
-        neither="photos engine engine_reason depth_width_px points baseline_points tiles baseline_tiles planes_median"
-        " planes_reason",
+        neither="photos engine depth_width_px points baseline_points tiles baseline_tiles planes_median planes_reason",
     ),
     decidable=("max_px", "plane_step_px"),
     resumable=True,

@@ -9,27 +9,18 @@ import pycolmap
 from aug3d_core.run.errors import InputError
 
 
-def choose_engine(wanted: str) -> tuple[str, str]:
-    """Return sweep or patch_match, and why; raises InputError when patch-match is asked for where it cannot run."""
-    if wanted == "sweep":
-        return "sweep", "asked for by depth.engine"
-    lacking = _lacking()
-    if not lacking:
-        return "patch_match", "this pycolmap runs on CUDA"
-    if wanted == "patch_match":
-        raise InputError(
-            f"depth.engine=patch_match cannot run: {lacking}",
-            "install pycolmap-cuda12 on a machine with an NVIDIA GPU, or set depth.engine=sweep",
-        )
-    return "sweep", lacking
-
-
-def _lacking() -> str:
-    """Return what patch-match lacks here, or nothing. What pycolmap was built for says nothing of the machine."""
+def check_patch_match() -> None:
+    """Raise InputError where patch-match cannot run. What pycolmap was built for says nothing of the machine."""
     if not pycolmap.has_cuda:
-        return "this pycolmap was built without CUDA"
-    devices = pycolmap.get_num_cuda_devices()  # type: ignore[attr-defined]  # others lack it
-    return "" if devices else "no CUDA GPU is visible"
+        lacking = "this pycolmap was built without CUDA"
+    elif not pycolmap.get_num_cuda_devices():  # type: ignore[attr-defined]  # others lack it
+        lacking = "no CUDA GPU is visible"
+    else:
+        return
+    raise InputError(
+        f"depth.engine=patch_match cannot run: {lacking}",
+        "install pycolmap-cuda12 on a machine with an NVIDIA GPU, or set depth.engine=sweep",
+    )
 
 
 def patch_match(workspace: Path) -> None:

@@ -30,7 +30,7 @@ from aug3d_core.depth.files import (
 from aug3d_core.depth.fusion_tiles import Dense, fuse_to
 from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.launch import run_jobs
-from aug3d_core.depth.patch_match import choose_engine, patch_match
+from aug3d_core.depth.patch_match import check_patch_match, patch_match
 from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
 from aug3d_core.depth.sources import choose_sources
@@ -58,7 +58,8 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     points, tracks = Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     role = read_roles(inputs["grouping"], len(views))
     train, sources = role == "train", _sources(views, points, tracks, role, config)
-    engine, reason = choose_engine(config.engine)
+    if config.engine == "patch_match":
+        check_patch_match()
     usable = [view for view, chosen in sources.items() if chosen]
     if not usable:
         raise InputError(
@@ -70,7 +71,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     started = time.monotonic()
     planes: list[int] = []
     swept = 0
-    if engine == "patch_match":
+    if config.engine == "patch_match":
         patch_match(workspace)
         mask_maps(workspace, views, masks, usable)
     else:
@@ -93,8 +94,7 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     share = _consistent_share(out, views, masks, usable)
     metrics: dict[str, Metric] = {
         "photos": len(usable),
-        "engine": engine,
-        "engine_reason": reason,
+        "engine": config.engine,
         "seconds_per_photo": round(seconds / made, 3) if made else None,  # None: an earlier try made them
         "depth_width_px": int(np.median(sizes[usable, 0])),
         "consistent_share": round(share, 4),
@@ -124,7 +124,7 @@ def assist(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -
     views, points, tracks = Views.load(sfm / VIEWS), Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     sources = _sources(views, points, tracks, read_roles(inputs["grouping"], len(views)), config)
     tasks = from_elsewhere(_tasks(views, points, tracks, sources, config))
-    if choose_engine(config.engine)[0] != "patch_match":
+    if config.engine != "patch_match":
         (out / RAW).mkdir(exist_ok=True)
         run_jobs(_jobs(tasks, sfm, out / DENSE_WORKSPACE, config), _ticking(progress, len(tasks)))
     return Outcome(metrics={"photos": len(tasks)})

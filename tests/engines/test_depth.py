@@ -280,18 +280,17 @@ def test_patch_match_without_cuda_is_refused(inputs: Inputs, tmp_path: Path, mon
         find_depth(inputs, tmp_path, engine="patch_match")
 
 
-def test_the_engine_is_chosen_by_what_pycolmap_can_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    from aug3d_core.depth.patch_match import choose_engine
-
-    cuda(monkeypatch, devices=1)
-    assert choose_engine("auto")[0] == choose_engine("patch_match")[0] == "patch_match"
-    assert choose_engine("sweep")[0] == "sweep"
+def test_patch_match_needs_a_gpu_that_is_there(inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cuda(monkeypatch, devices=0)
-    assert choose_engine("auto") == ("sweep", "no CUDA GPU is visible")
     with pytest.raises(InputError, match="no CUDA GPU is visible"):
-        choose_engine("patch_match")
-    monkeypatch.setattr(pycolmap, "has_cuda", False)
-    assert choose_engine("auto") == ("sweep", "this pycolmap was built without CUDA")
+        find_depth(inputs, tmp_path, engine="patch_match")
+
+
+def test_a_gpu_does_not_change_how_depth_is_found(
+    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cuda(monkeypatch, devices=1)
+    assert find_depth(inputs, tmp_path).metrics["engine"] == found[1].metrics["engine"] == "sweep"
 
 
 def shared_by(inputs: Inputs, sfm: Path, kept: Callable[[Tracks], np.ndarray]) -> Inputs:
@@ -347,7 +346,7 @@ def test_patch_match_gets_what_the_workspace_holds_and_its_maps_are_fused(
 
     cuda(monkeypatch, devices=1)
     monkeypatch.setattr(depth_stage, "patch_match", stand_in)
-    outcome = find_depth(aside, tmp_path / "out", sources=10)
+    outcome = find_depth(aside, tmp_path / "out", sources=10, engine="patch_match")
     assert (outcome.metrics["engine"], outcome.metrics["photos"]) == ("patch_match", 10)
     off = np.abs(Fused.load(tmp_path / "out" / FUSED).xyz[:, 2, None] - [z for z, _, _ in SCENE.planes]).min(axis=1)
     assert np.median(off) < 0.1
@@ -411,7 +410,7 @@ def test_patch_match_sees_nothing_of_what_is_masked_and_its_depth_there_is_dropp
 
     cuda(monkeypatch, devices=1)
     monkeypatch.setattr(depth_stage, "patch_match", stand_in)
-    find_depth(masked, tmp_path / "out")
+    find_depth(masked, tmp_path / "out", engine="patch_match")
     for index in range(11):
         name = geometric_map_name(index)
         depth, normals = (read_map(tmp_path / "out" / folder / name) for folder in (DEPTH_MAPS, NORMAL_MAPS))

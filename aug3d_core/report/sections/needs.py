@@ -20,7 +20,6 @@ _CALLED = {
     "grouping.k": "photographs in a group (K)",
     "grouping.gap_footprints": "gap around the test [footprints]",
     "grouping.folds": "folds",
-    "depth.engine": "depth engine",
     "depth.planes": "depth planes, median",
     "surface.octree_depth": "mesh: octree depth",
     "surface.triangles": "mesh: triangles",
