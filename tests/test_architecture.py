@@ -26,6 +26,7 @@ DOORS = {
         "aug3d_core/poses/torch_files.py",
         "aug3d_core/export/chunks.py",
         "aug3d_core/view/predictor.py",
+        "aug3d_core/bench/gpu_job.py",
         "aug3d_core/domes/methods/sam_worker.py",
     },
     "rasterio": {"aug3d_core/export/maps.py", "aug3d_core/export/utm.py", "aug3d_core/photos/control.py"},
