@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.gpus import gpu_names
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, limits_from
 from aug3d_core.run.memory import total_bytes
 from aug3d_core.run.stage import Frozen
@@ -123,5 +124,22 @@ def _cores() -> Check:
 
 
 def _gpu() -> Check:
-    nvidia = shutil.which("nvidia-smi")
-    return Check(name="gpu", state="ok", found="nvidia-smi is here" if nvidia else "none; everything runs on the CPU")
+    """Say whether a GPU that is here is used: a torch built for the CPU trains without a word."""
+    names = gpu_names()
+    if not names:
+        return Check(name="gpu", state="ok", found="none; everything runs on the CPU")
+    told = ", ".join(names)
+    ask = "import torch; print(torch.__version__, torch.cuda.is_available())"
+    done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, timeout=300)
+    if done.returncode != 0:
+        return Check(name="gpu", state="ok", found=told)  # what is wrong with torch is told beside it
+    build, _, seen = done.stdout.strip().rpartition(" ")
+    if seen == "True":
+        return Check(name="gpu", state="ok", found=f"{told}: training and prediction use it")
+    why = f"torch {build} is built for the CPU" if build.endswith("+cpu") else f"torch {build} does not see it"
+    remedy = (
+        "remove .venv and install again without PIP_EXTRA_INDEX_URL"
+        if build.endswith("+cpu")
+        else "see whether `nvidia-smi` tells a driver that is new enough for this torch"
+    )
+    return Check(name="gpu", state="warn", found=f"{told}, but {why}: everything runs on the CPU", remedy=remedy)

@@ -29,7 +29,7 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     if not in_own_process(gpu_here):
         raise InputError(
             "torch sees no CUDA GPU: there is nothing to measure",
-            "see what `nvidia-smi` says, and whether torch is a build for the CPU (README, Install)",
+            "run `aug3d doctor`, which tells whether there is a GPU and whether this torch was built for one",
         )
     packed: dict[int, Path] = {}
     for width in WIDTHS:

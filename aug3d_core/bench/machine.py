@@ -7,6 +7,7 @@ import platform
 from datetime import UTC, datetime
 from pathlib import Path
 
+from aug3d_core.run.gpus import gpu_names
 from aug3d_core.run.memory import total_bytes
 
 
@@ -19,17 +20,11 @@ def describe_machine() -> str:
         _processor(),
         f"{cores} cores",
         f"{memory_gib:.0f} GiB",
-        *_gpus(),
+        *gpu_names(),
         f"Python {platform.python_version()}",
         day,
     ]
     return ", ".join(parts)
-
-
-def _gpus(drivers: Path = Path("/proc/driver/nvidia/gpus")) -> list[str]:
-    """Return the model of each GPU that NVIDIA's driver knows."""
-    told = "\n".join(path.read_text() for path in sorted(drivers.glob("*/information")))
-    return [line.partition(":")[2].strip() for line in told.splitlines() if line.startswith("Model:")]
 
 
 def _processor() -> str:

@@ -12,7 +12,6 @@ import torch
 
 from aug3d_core.bench import gpu, gpu_job
 from aug3d_core.bench.gpu_job import Steps, Views
-from aug3d_core.bench.machine import _gpus
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.writer import write
 from aug3d_core.run.errors import InputError
@@ -94,9 +93,3 @@ def test_without_a_gpu_it_says_what_to_look_at(tmp_path: Path) -> None:
         pytest.skip("this machine has a GPU")
     with pytest.raises(InputError, match="torch sees no CUDA GPU"):
         gpu.figures(Store(tmp_path), Measured("tiny"), lambda *said: None)
-
-
-def test_the_machine_is_told_with_its_gpus(tmp_path: Path) -> None:
-    (tmp_path / "0000:04:00.0").mkdir()
-    (tmp_path / "0000:04:00.0" / "information").write_text("Model: \t\t NVIDIA H100 80GB HBM3\nIRQ:   \t\t 41\n")
-    assert _gpus(tmp_path) == ["NVIDIA H100 80GB HBM3"] and _gpus(tmp_path / "none") == []
