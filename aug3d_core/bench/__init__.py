@@ -1,9 +1,13 @@
 """Measure again, on this machine, the figures that the issues, the README and the docs quote.
 
-machine   what was measured on
-trial     a configuration, run as far as a figure needs, in a store of its own
-geometry  poses, depth and mesh of the town against its truth
-orthophoto, cloud   its map and its points as they are exported, against its truth
-tiles     its surface in several tiles of ground, against that in one
-grouping, edge_cases   bad members of every way of grouping, on every flight path and on the paper's edge cases
+figure, machine   a figure with its goal, and what it was measured on
+geometry, orthophoto, cloud   poses, depth, mesh, map and points of the town against its truth
+tiles, fusion_tiles   its surface and fusion in several tiles of ground, against those in one
+grouping, coverage, buildings, city   which photographs belong together, and where domes stand
+rendering, render_speed, raycasting   what Cycles costs
+heads, scores, nerf, generalisation   the models against the cheap answers, each other, and places never seen
+gpu, gpu_job   what a CUDA GPU adds
+look, advice, spoiled, spoiled_flights, view   what pilots meet
+scale, big_scene   growth with the number of photographs
+machines, workers, team, s3_service   more than one machine
 """
