@@ -11,6 +11,7 @@ import numpy as np
 
 from aug3d_core.bench.figure import Figure, at_least, in_own_process
 from aug3d_core.bench.gpu_job import gpu_here, repeated, steps_of, views_of
+from aug3d_core.judging.scores import psnr
 from aug3d_core.run.errors import InputError
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
@@ -88,8 +89,7 @@ def view_figures(packed: Path, width: int) -> dict[str, Figure]:
     """Predict test views from three inputs alone with the shipped weights, on the GPU and on two cores, and compare them."""
     gpu, cpu = (in_own_process(partial(views_of, packed, device, TWO)) for device in ("cuda", "cpu"))
     rate = 1 / _median(gpu.seconds)
-    error = np.mean((gpu.colours.astype(float) - cpu.colours) ** 2, axis=(1, 2, 3))
-    alike = float(10 * np.log10(255**2 / max(error.max(), 1e-3)))
+    alike = min(psnr(one, other) for one, other in zip(cpu.colours, gpu.colours, strict=True))
     return {
         f"views_per_second_{width}": at_least(GOAL_VIEWS, rate, "1/s") if width == 512 else Figure(rate, "1/s"),
         f"views_per_second_{width}_2_cores": Figure(1 / _median(cpu.seconds), "1/s"),
