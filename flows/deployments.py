@@ -18,7 +18,8 @@ from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.schedule import Schedule as When
 from flows.collection_run import train_collection
 from flows.help_run import help_with
-from flows.pool import BATCH, HOME, POOL
+from flows.photographs import read_photographs
+from flows.pool import BATCH, HOME, PHOTOGRAPHS, POOL
 from flows.regenerate import batch, regenerate
 from flows.serving import CPU, GPU
 from flows.settings import COLLECTION, OURS, SCENE
@@ -52,9 +53,18 @@ _STUDIES: tuple[tuple[Flow[..., State], str, dict[str, Any], str], ...] = (  # f
         "Worse and worse photographs, poses, meshes and settings: where methods break, and who notices. A night.",
     ),
 )
-_PARTS: tuple[tuple[Flow[..., State], str], ...] = (
-    (share, "Started by studies, not by people: makes cells of a study of another machine."),
-    (help_with, "Started by runs of scenes, not by people: makes shards of a stage that takes another machine long."),
+_PARTS: tuple[tuple[Flow[..., State], str, str], ...] = (  # flow, queue, description
+    (share, CPU, "Started by studies, not by people: makes cells of a study of another machine."),
+    (
+        help_with,
+        CPU,
+        "Started by runs of scenes, not by people: makes shards of a stage that takes another machine long.",
+    ),
+    (
+        read_photographs,
+        PHOTOGRAPHS,
+        "Started by runs of scenes, not by people: reads photographs that their machine lacks.",
+    ),
 )
 
 
@@ -110,9 +120,9 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
         queue=BATCH,
         description="Makes scenes again, each as far as something changed, and as many at once as workers take.",
     )
-    for flow, description in _PARTS:
+    for flow, queue, description in _PARTS:
         yield await _deployment(
-            flow, name=DEPLOYED, queue=CPU, description=description, at_once=None, tags=["part of another run"]
+            flow, name=DEPLOYED, queue=queue, description=description, at_once=None, tags=["part of another run"]
         )
     for study, name, given, description in _STUDIES:
         yield await _deployment(

@@ -15,6 +15,7 @@ from aug3d_core.factory.walk import planned
 from aug3d_core.run.errors import UsageError
 from aug3d_core.scene_files.files import read_scene
 from aug3d_core.store.store import Store
+from flows.photographs import known_material
 from flows.regenerate import regenerate
 from flows.settings import home
 from flows.shares import HELP, parameters_of
@@ -33,7 +34,7 @@ def help_with(
     _, given = parameters_of(run, {regenerate.name: regenerate})
     store, scene = Store(home()), given["scene"]
     with run_lock(store.root), store.using(), listening(artifacts.PrefectProgress()):
-        visits = planned(store, read_scene(store, scene).material(), given["settings"])
+        visits = planned(store, known_material(store, scene, read_scene(store, scene)), given["settings"])
         work = next((visit.work for visit in visits if visit.step.name == step and visit.step.stage.assist), None)
         if work is None or work.key != key:
             raise UsageError(

@@ -39,6 +39,7 @@ POOL = "aug3d"
 WORKER = "prefect.worker.name"  # label of a run that Prefect gives it
 ONLINE = "ONLINE"  # Prefect's word for a worker that was seen of late
 HOME = "home"  # queue of what only the machine can do that has the scene files and the results of studies
+PHOTOGRAPHS = "photographs"  # of a scene, read for runs on machines that lack them: these wait, so it is never full
 BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need
 REGISTRIES = (REGISTRY, COLLECTIONS)
 RUNS_AT_ONCE = 2  # rendering and training take turns besides, whatever runs
@@ -168,7 +169,7 @@ async def make_pool(client: PrefectClient) -> None:
     with suppress(ObjectAlreadyExists):
         template = PoolWorker.get_default_base_job_template()
         await client.create_work_pool(WorkPoolCreate(name=POOL, type=PoolWorker.type, base_job_template=template))
-    for queue in (CPU, GPU, HOME, BATCH):
+    for queue in (CPU, GPU, HOME, BATCH, PHOTOGRAPHS):
         await make_queue(client, queue)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -10,7 +9,7 @@ from uuid import UUID
 
 from prefect import flow
 from prefect.client.orchestration import SyncPrefectClient, get_client
-from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterParentFlowRunId
+from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterParentFlowRunId
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.deployments import run_deployment
 from prefect.exceptions import ObjectNotFound
@@ -20,6 +19,7 @@ from pydantic import Field
 
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.estimate.room import check_room
+from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.run.errors import Aug3dError, UsageError, shown
 from aug3d_core.scene_files.entry import SceneEntry
@@ -28,7 +28,9 @@ from aug3d_core.store.published import held_back, publish, published
 from aug3d_core.store.scenes import bring_versions, records_before, records_of, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.traffic import Traffic
+from flows.ends import AT_ONCE, ends_of
 from flows.factory import beside_published, make_version
+from flows.photographs import material_of
 from flows.plan import made_of_the_same
 from flows.settings import home
 from flows.takeover import cancel_parts, unfinished
@@ -39,8 +41,6 @@ from tasks.tracking import publish_model
 
 # Names of a flow run's last state
 UNCHANGED, PUBLISHED, TRIED, NOT_PUBLISHED = "Unchanged", "Published", "Tried", "NotPublished"
-_ASK_EVERY_S = 5.0
-_AT_ONCE = 100  # runs asked for in one request
 
 
 @flow(name="regenerate", flow_run_name="{scene}")
@@ -62,14 +62,15 @@ def regenerate(
     since = store.traffic()
     with run_lock(store.root), store.using():
         entry = read_scene(store, scene)
-        plan = list(planned(store, entry.material(), settings))
+        material = material_of(store, scene, entry, settings)
+        plan = list(planned(store, material, settings))
         if newest := made_of_the_same(store, scene, plan):
             metrics = version_metrics(newest)
             artifacts.publish_changes(scene, None)
             if published(store, scene) == newest:
                 return Completed(name=UNCHANGED, message=f"nothing changed since {newest.name}, which is published")
         else:
-            metrics = _make(store, scene, entry, settings, plan, since)
+            metrics = _make(store, scene, entry, material, settings, plan, since)
             artifacts.publish_changes(scene, metrics)
         return _publish(store, scene, entry, settings, metrics)
 
@@ -105,7 +106,7 @@ def _regenerated(scenes: Mapping[str, SceneEntry | Aug3dError]) -> dict[str, Sta
     with get_client(sync_client=True) as client:
         left = _left(client)
         begun = {scene: left.get(scene) or _started(scene, entry) for scene, entry in scenes.items()}
-        ends = _ends(client, [run.id for run in begun.values() if isinstance(run, FlowRun)])
+        ends = ends_of(client, [run.id for run in begun.values() if isinstance(run, FlowRun)])
     return {scene: ends[run.id] if isinstance(run, FlowRun) else run for scene, run in begun.items()}
 
 
@@ -113,29 +114,9 @@ def _left(client: SyncPrefectClient) -> dict[str, FlowRun]:
     """Return the runs that this batch started before its process ended, and that have not ended, by scene."""
     mine = FlowRunFilterParentFlowRunId(any_=[UUID(str(flow_run.get_id()))])
     chosen, runs = FlowRunFilter(parent_flow_run_id=mine, state=unfinished()), []
-    while more := client.read_flow_runs(flow_run_filter=chosen, limit=_AT_ONCE, offset=len(runs)):
+    while more := client.read_flow_runs(flow_run_filter=chosen, limit=AT_ONCE, offset=len(runs)):
         runs += more
     return {str(run.parameters.get("scene")): run for run in runs}
-
-
-def _ends(client: SyncPrefectClient, runs: Sequence[UUID]) -> dict[UUID, State]:
-    """Wait for runs to end, and return their last states.
-
-    One that crashed may be put back in line by its worker: that is an end when it stays so.
-    """
-    ends: dict[UUID, State] = {}
-    crashed: set[UUID] = set()
-    while waiting := [run for run in runs if run not in ends]:
-        time.sleep(_ASK_EVERY_S)
-        for start in range(0, len(waiting), _AT_ONCE):
-            asked = waiting[start : start + _AT_ONCE]
-            found = client.read_flow_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=asked)), limit=_AT_ONCE)
-            states = {run.id: run.state for run in found}
-            now = {run: states.get(run, Failed(message="its run was deleted")) for run in asked}
-            final = {run: state for run, state in now.items() if state and state.is_final()}
-            ends |= {run: state for run, state in final.items() if not state.is_crashed() or run in crashed}
-            crashed = crashed - now.keys() | {run for run, state in final.items() if state.is_crashed()}
-    return ends
 
 
 def _started(scene: str, entry: SceneEntry | Aug3dError) -> FlowRun | State:
@@ -154,9 +135,15 @@ def _started(scene: str, entry: SceneEntry | Aug3dError) -> FlowRun | State:
 
 
 def _make(
-    store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, plan: Sequence[Visit], since: Traffic
+    store: Store,
+    scene: str,
+    entry: SceneEntry,
+    material: Material,
+    settings: SceneConfig,
+    plan: Sequence[Visit],
+    since: Traffic,
 ) -> dict[str, Any]:
-    material, before = entry.material(), records_before(store, scene)
+    before = records_before(store, scene)
     check_room(store, scene, material, settings, before, plan)
     with listening(artifacts.PrefectProgress()):
         return make_version(store, scene, material, entry.preset, settings, before, plan, since)

@@ -26,6 +26,7 @@ from flows.deployments import of_collection, of_everything, of_scene
 from flows.pool import (
     BATCH,
     HOME,
+    PHOTOGRAPHS,
     REGISTRIES,
     RUNS_AT_ONCE,
     PoolWorker,
@@ -71,7 +72,7 @@ async def _work(store: Store) -> None:
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
     workers = (
         PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE, own=True),
-        PoolWorker(store, (BATCH,), 1),
+        PoolWorker(store, (BATCH, PHOTOGRAPHS), 2),  # one batch at a time, by its deployment
     )
     watches = watch_cancelled(store), watch_leases(store), watch_stranded(store, workers)
     services = _watch_registry(store, known), tell_mlflow(store), *watches

@@ -29,10 +29,14 @@ class Source(Frozen):
 
 
 class Material(Frozen):
-    """What the user gives: a folder of photographs, None for the built-in town; and their poses, None to find them."""
+    """What the user gives: a folder of photographs, None for the built-in town; and their poses, None to find them.
+
+    digest: of photographs that lie on another machine, None for those that are read here.
+    """
 
     photos: Path | None = None
     poses: Path | None = None
+    digest: str | None = None
 
     def stages(self) -> tuple[Stage, ...]:
         """Return the stages that make a scene of it; raises InputError if the poses are of no known kind."""
@@ -67,14 +71,16 @@ def town_photos(store: Store, town: Record) -> Source:
     return Source(path=store.place(town) / TOWN_PHOTOS, digest=digest, made=town, reads=reads)
 
 
-def given_photos(folder: Path) -> Source:
-    """Return the photographs that the user gives as an input."""
-    return Source(path=folder, digest=digest_apart(folder))
+def given_photos(folder: Path, digest: str | None = None) -> Source:
+    """Return the photographs that the user gives as an input. digest: of those that cannot be read here."""
+    return Source(path=folder, digest=digest or digest_apart(folder))
 
 
 def _source(store: Store, stage: Stage, name: str, records: Mapping[str, Record], material: Material) -> Source:
     if name == "folder":
-        return given_photos(material.photos) if material.photos else town_photos(store, records["town"])
+        return (
+            given_photos(material.photos, material.digest) if material.photos else town_photos(store, records["town"])
+        )
     if name == "given" and material.poses:
         return Source(path=material.poses, digest=pose_digest(material.poses))
     return source_of(store, records[name], stage.reads.get(name, ()))

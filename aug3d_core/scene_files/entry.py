@@ -111,9 +111,12 @@ class SceneEntry(Frozen):
         """Return the preset's values with the settings over them, not checked yet."""
         return with_settings(self.preset, self.settings)
 
-    def material(self) -> Material:
-        """Return what the scene is made of; raises InputError that names file, line and folder if it is not there."""
-        if self.photos and (trouble := _trouble_with_photos(self.photos)):
+    def material(self, digest: str | None = None) -> Material:
+        """Return what the scene is made of; raises InputError that names file, line and folder if it is not there.
+
+        digest: of photographs that lie on another machine.
+        """
+        if self.photos and digest is None and (trouble := _trouble_with_photos(self.photos)):
             raise InputError(
                 f"{self._origin.of('photos')}: folder {self.photos} {trouble} (on {gethostname()})",
                 "connect the disk that it is on, or name the folder where the photographs are now",
@@ -123,7 +126,7 @@ class SceneEntry(Frozen):
                 f"{self._origin.of('poses')}: {self.poses} {trouble} (on {gethostname()})",
                 "name the file or folder where the poses are now, or null to compute them",
             )
-        return Material(photos=self.photos, poses=self.poses)
+        return Material(photos=self.photos, poses=self.poses, digest=digest)
 
 
 def _trouble_with_photos(folder: Path) -> str | None:

@@ -1,6 +1,7 @@
 """The registry in a shared store: whoever registers scenes puts it there, and workers of other machines bring it.
 
-The folder of files stays the only place that people edit. A path in it is the same on every machine.
+The folder of files stays the only place that people edit. A path in it is the same on every machine; photographs that are
+not there are named by the machine that has them.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def check_has_none_of_its_own(store: Store, registries: Registries) -> None:
     """Raise UsageError if a home has scene files that were not brought: a copy of others' would take their place."""
     for registry in registries:
         for file in registry.files(store):
-            if not file.read_bytes().startswith(_BROUGHT.encode()):
+            if not was_brought(file):
                 raise UsageError(
                     f"{file} was written here, but a worker has the scene files of the machine that aug3d up runs on",
                     "choose another folder with --home, or move the file to that machine",
@@ -59,6 +60,22 @@ def bring(store: Store, bucket: Bucket, registries: Registries) -> None:
         }
         with registry.alone(store):
             _write(store.root / registry.folder, registry.files(store), wanted)
+
+
+def was_brought(file: Path) -> bool:
+    """Say whether a file is a copy of another machine's."""
+    return file.read_bytes().startswith(_BROUGHT.encode())
+
+
+def tell_photographs(bucket: Bucket, scene: str, digest: str) -> None:
+    """Tell other machines the digest of a scene's photographs as they are now."""
+    bucket.put(f"{layout.PHOTOGRAPHS}/{check_scene_name(scene)}", digest.encode())
+
+
+def told_photographs(bucket: Bucket, scene: str) -> str | None:
+    """Return the digest of a scene's photographs that was told last; None if none was."""
+    content = bucket.get(f"{layout.PHOTOGRAPHS}/{check_scene_name(scene)}")
+    return content.decode() if content else None
 
 
 def _write(folder: Path, there: Sequence[Path], wanted: Mapping[str, str]) -> None:

@@ -37,6 +37,7 @@ MLFLOW_OUTBOX = "mlflow-outbox"
 # Only in a store that several machines share
 BLOBS = "blobs"  # the bytes of files, under their SHA-256
 LEASES = "leases"
+PHOTOGRAPHS = "photographs"  # of each scene, the digest that the machine told last that has them
 CLOCK = "gc/clock"
 MARKS = "gc/marks"  # what nobody needed when someone looked
 USED = "gc/used"  # objects that a machine began to use although they were marked

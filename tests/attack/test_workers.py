@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
+import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 
-from aug3d_core.bench.team import leftovers, team
+from aug3d_core.bench.team import AUG3D, leftovers, team
 from aug3d_core.bench.workers import TOWNS, WHOLE, batch, takeover
 from aug3d_core.run.files import LOG
 from aug3d_core.store.layout import STUDIES, STUDY_PAGE
@@ -72,6 +76,34 @@ def test_an_idle_machine_helps_with_a_step_that_takes_long(own_environment: None
             assert bool(helped) == (number == 2)
             assert set(workers.made().values()) == {1}
     assert len(digests) == 1
+
+
+def test_a_worker_makes_a_scene_whose_photographs_it_does_not_have(
+    own_environment: None, small_disk: Callable[[int], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder is an empty disk for the worker, by a mount of its own."""
+    small_disk(1)  # skips where nothing can be mounted
+    with team(tmp_path, {"town": {}}, ("one",)) as workers:
+        assert workers.end_of(workers.start_all(), 1800)["type"] == "COMPLETED"
+        [taken] = (tmp_path / "one" / "objects" / "town").glob("*/files/photos")
+        folder, command = tmp_path / "card", tmp_path / "aug3d"
+        shutil.copytree(taken, folder)
+        hidden = f'mount -t tmpfs tmpfs {shlex.quote(str(folder))} && exec {shlex.quote(AUG3D)} "$@"'
+        command.write_text(f'#!/bin/sh\nexec unshare --mount sh -c {shlex.quote(hidden)} aug3d "$@"\n')
+        command.chmod(0o755)
+        workers.kill("one")
+        monkeypatch.setattr("aug3d_core.bench.team.AUG3D", str(command))
+        workers.join("two")
+        town = yaml.safe_load((tmp_path / "up" / "scenes" / "town.yaml").read_text())
+        settings = {stage: own for stage, own in town["settings"].items() if stage != "town"}
+        entry = {"photos": str(folder), "preset": "tiny", "settings": settings}
+        (tmp_path / "up" / "scenes" / "flown.yaml").write_text(yaml.safe_dump(entry))
+        workers.wait(lambda: any(one["name"] == "flown" for one in workers.ask("deployments/filter", {})), 120, "known")
+        assert workers.end_of(workers.start("flown"), 1800)["name"] == "Published"
+        runs = {run["name"]: run["labels"]["prefect.worker.name"] for run in workers.ask("flow_runs/filter", {})}
+        assert " two (" in runs["flown"] and " up (" in runs["photographs of flown"]
+        assert set(workers.made().values()) == {1}
+        assert not [*(tmp_path / "two" / "objects" / "photos").glob(f"*/{LOG}")], "they were read where they are"
 
 
 def say(stage: str, done: int, total: int, what: str) -> None:

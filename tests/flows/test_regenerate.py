@@ -110,12 +110,12 @@ def workers(store: Store, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterDeploymentId
     from prefect.flow_engine import run_flow
 
-    from flows import regenerate
+    from flows import ends, regenerate
     from flows.pool import make_pool
     from flows.takeover import unfinished
     from flows.worker import register
 
-    monkeypatch.setattr(regenerate, "_ASK_EVERY_S", 0.2)
+    monkeypatch.setattr(ends, "_ASK_EVERY_S", 0.2)
     ended, took = threading.Event(), []
     entries = {scene: add_scene(store, scene) for scene in ("a_torn", "b_gone", "c_good")}
 

@@ -11,10 +11,17 @@ import pytest
 from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
+from aug3d_core.run.errors import Aug3dError, InputError, StoreError, UsageError
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import REGISTRY, read_each, read_scene, remove_scene, scene_file, write_scene
-from aug3d_core.scene_files.mirror import bring, check_has_none_of_its_own, share
+from aug3d_core.scene_files.mirror import (
+    bring,
+    check_has_none_of_its_own,
+    share,
+    tell_photographs,
+    told_photographs,
+    was_brought,
+)
 from aug3d_core.scene_files.schedule import Schedule
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
@@ -63,6 +70,25 @@ def test_a_relative_path_is_the_same_folder_on_every_machine(bucket: Bucket, her
     share(here, bucket, BOTH)
     bring(there, bucket, BOTH)
     assert read_scene(there, "hill").photos == here.root / "photos"
+
+
+def test_photographs_that_are_not_there_are_known_by_what_was_told_last(
+    bucket: Bucket, here: Store, there: Store
+) -> None:
+    write_scene(here, "hill", SceneEntry(photos=here.root / "photos"))
+    share(here, bucket, BOTH)
+    bring(there, bucket, BOTH)
+    assert was_brought(scene_file(there, "hill")) and not was_brought(scene_file(here, "hill"))
+    entry = read_scene(there, "hill")
+    with pytest.raises(InputError, match="photos"):
+        entry.material()
+    assert told_photographs(bucket, "hill") is None
+    for digest in ("before", "now"):
+        tell_photographs(bucket, "hill", digest)
+    material = entry.material(told_photographs(bucket, "hill"))
+    assert (material.photos, material.digest) == (entry.photos, "now")
+    with pytest.raises(UsageError):
+        tell_photographs(bucket, "../hill", "now")
 
 
 def test_what_is_changed_and_removed_follows(bucket: Bucket, here: Store, there: Store) -> None:
