@@ -108,10 +108,13 @@ class Team:
             raise self._failed(f"aug3d status ends with {done.returncode}: {done.stderr}{done.stdout}")
         return json.loads(done.stdout)
 
-    def join(self, name: str, core: int | None = None) -> None:
-        """Start a worker with a home of its own, on one core if one is named, and wait until it takes runs."""
+    def join(self, name: str, core: int | None = None, more: Mapping[str, str] = {}) -> None:
+        """Start a worker with a home of its own, on one core if one is named, and wait until it takes runs.
+
+        more: variables of its environment.
+        """
         words = [AUG3D, "worker", "--server", self.server, "--home", str(self.folder / name)]
-        self.workers[name] = self._begin(name, words, {"PREFECT_API_AUTH_STRING": f"admin:{self.token}"}, core)
+        self.workers[name] = self._begin(name, words, {"PREFECT_API_AUTH_STRING": f"admin:{self.token}", **more}, core)
         self.wait(lambda: "takes runs" in self.log(name), 120, f"{name} takes runs", self.workers[name])
 
     def stages(self, name: str) -> set[str]:

@@ -6,6 +6,7 @@ import json
 import os
 import shlex
 import shutil
+import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,7 @@ from aug3d_core.store.layout import STUDIES, STUDY_PAGE
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(4 * 3600)]
 WITHIN_S = 120.0
+CC = shutil.which("cc")
 
 
 @pytest.mark.attack
@@ -104,6 +106,25 @@ def test_a_worker_makes_a_scene_whose_photographs_it_does_not_have(
         assert " two (" in runs["flown"] and " up (" in runs["photographs of flown"]
         assert set(workers.made().values()) == {1}
         assert not [*(tmp_path / "two" / "objects" / "photos").glob(f"*/{LOG}")], "they were read where they are"
+
+
+@pytest.mark.skipif(CC is None, reason="there is no C compiler: apt-get install gcc")
+def test_clocks_may_be_five_minutes_wrong(own_environment: None, tmp_path: Path) -> None:
+    """One machine is five minutes early, one late; the one that is early is killed, and the other goes on."""
+    towns = {f"town{seed}": {"town": {"seed": seed}} for seed in (1, 2, 3)}
+    library = tmp_path / "wrong_clock.so"
+    source = Path(__file__).with_name("wrong_clock.c")
+    subprocess.run([str(CC), "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True)
+    with team(tmp_path, towns, ()) as workers:
+        for name, wrong_s in (("late", -300), ("early", 300)):
+            workers.join(name, more={"LD_PRELOAD": str(library), "WRONG_BY_S": str(wrong_s)})
+        batch, started = workers.start_all(), time.monotonic()
+        workers.wait(lambda: {*map(workers.worker_of, towns)} == {"early", "late"}, 900, "both are at work", every_s=2)
+        print(f"\nboth are at work after {time.monotonic() - started:.0f} s")
+        workers.kill("early")
+        assert workers.end_of(batch, 2400)["message"] == f"{len(towns)} scenes are up to date"
+        assert set(workers.made().values()) == {1}
+        assert {run["state"]["name"] for run in workers.scenes().values()} == {"Published"}
 
 
 def say(stage: str, done: int, total: int, what: str) -> None:
