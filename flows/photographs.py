@@ -44,8 +44,9 @@ def read_photographs(
         material = read_scene(store, scene).material()
         first = [stage for stage in material.stages() if stage.name == PHOTOS.name]
         [visit] = walk(store, first, settings, material, through_prefect(store), folds=False)
-        assert visit.work and visit.record and store.shared is not None
-        tell_photographs(store.shared.bucket, scene, visit.work.input_digests["folder"])
+        assert visit.work and visit.record
+        if store.shared is not None:
+            tell_photographs(store.shared.bucket, scene, visit.work.input_digests["folder"])
     return Completed(message=f"{visit.record.metrics['photos']} photographs of {scene}")
 
 
