@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,15 @@ FEW = tuple(replace(STAGES[name], inputs=inputs, reads={}) for name, inputs in _
 def make_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the factory have six stages."""
     monkeypatch.setattr(Material, "stages", lambda _: FEW)
+
+
+def stand_in(monkeypatch: pytest.MonkeyPatch, mlflow: Path, folder: Path) -> Stages:
+    """Let flows make a scene of one fold by six stages that do no work. mlflow: a fresh database; `folder` gets a copy."""
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{shutil.copy(mlflow, folder)}")
+    stages = Stages(folds=1)
+    monkeypatch.setattr("tasks.build_task.build", stages.build)
+    make_of_few(monkeypatch)
+    return stages
 
 
 class Stages(StandIn):

@@ -20,7 +20,7 @@ from aug3d_core.scene_files.files import read_scene, write_scene
 from aug3d_core.scene_files.mirror import bring, share, told_photographs
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.store import Store
-from tests.flows.stand_in import FEW, Stages, make_of_few
+from tests.flows.stand_in import FEW, Stages, stand_in
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 SCENE = "far_away"
@@ -29,11 +29,7 @@ MOUNTED = threading.Lock()  # held while the disk is where the scene's file says
 
 @pytest.fixture
 def stages(fresh_mlflow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stages:
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{shutil.copy(fresh_mlflow, tmp_path)}")
-    stand_in = Stages(folds=1)
-    monkeypatch.setattr("tasks.build_task.build", stand_in.build)
-    make_of_few(monkeypatch)
-    return stand_in
+    return stand_in(monkeypatch, fresh_mlflow, tmp_path)
 
 
 @pytest.fixture

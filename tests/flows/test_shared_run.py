@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +15,16 @@ from aug3d_core.report.reads import read_of
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.record import read_record
 from flows.cli import app
-from tests.flows.stand_in import Stages, make_of_few
+from tests.flows.stand_in import Stages, stand_in
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 
 
 @pytest.fixture
 def stages(fresh_mlflow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stages:
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{shutil.copy(fresh_mlflow, tmp_path)}")
-    stand_in = Stages(folds=1)
-    monkeypatch.setattr("tasks.build_task.build", stand_in.build)
-    make_of_few(monkeypatch)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.jpg").write_bytes(b"a photograph")
-    return stand_in
+    return stand_in(monkeypatch, fresh_mlflow, tmp_path)
 
 
 def run(home: Path) -> dict[str, Any]:
