@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any
 
 from prefect import flow
@@ -31,6 +32,7 @@ from aug3d_core.store.code_version import code_version
 from aug3d_core.store.scenes import share_version, write_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import named
+from flows.photographs import material_of
 from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED
 from flows.settings import home
 from tasks.build_task import through_prefect
@@ -60,7 +62,9 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
         done += 1
         reporter("collection")(done, max(total, done), what)
 
-    made = make_collection(store, entry, read_each(store), lambda of: through_prefect(store, of), say)
+    made = make_collection(
+        store, entry, read_each(store), lambda of: through_prefect(store, of), say, partial(material_of, store)
+    )
     assert made.training
     newest, last = versions(store, name)[-1:], published(store, name)
     objects = [list(item) for item in named(made.records)]

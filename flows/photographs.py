@@ -1,4 +1,4 @@
-"""Photographs that only one machine has: it reads them for the others, which get what its stage `photos` made of them."""
+"""Photographs and poses that only one machine has: it reads them for the others, which get what its first stages made."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from prefect.states import Completed
 from pydantic import Field
 
 from aug3d_core.factory.config import SceneConfig
-from aug3d_core.factory.material import Material
-from aug3d_core.factory.stages import PHOTOS
+from aug3d_core.factory.material import Elsewhere, Material
+from aug3d_core.factory.stages import FROM_MODEL, PHOTOS, POSES
 from aug3d_core.factory.walk import walk
 from aug3d_core.run.errors import InputError
 from aug3d_core.scene_files.entry import SceneEntry
@@ -36,37 +36,49 @@ _READ = "photographs of a scene"
 @flow(name=_READ, flow_run_name="photographs of {scene}")
 def read_photographs(
     scene: Annotated[str, Field(description="A registered scene.")],
-    settings: Annotated[SceneConfig, Field(description="Settings of each stage; only those of the first one count.")],
+    settings: Annotated[
+        SceneConfig, Field(description="Settings of each stage; only those of `photos` and `poses` count.")
+    ],
 ) -> State:
-    """Read a scene's photographs, on the machine that has the scene files, for a run on a machine that lacks them."""
+    """Read a scene's photographs and poses, on the machine that has the scene files, for a run on one that lacks them."""
     store = Store(home())
     with run_lock(store.root), store.using(), progress.listening(artifacts.PrefectProgress()):
         material = read_scene(store, scene).material()
-        first = [stage for stage in material.stages() if stage.name == PHOTOS.name]
-        [visit] = walk(store, first, settings, material, through_prefect(store), folds=False)
-        assert visit.work and visit.record
+        stages = material.stages()
+        first = [stage for stage in stages if {*stage.inputs} & {"folder", "given"}]
+        made = {
+            visit.step.name: visit
+            for visit in walk(store, first, settings, material, through_prefect(store), folds=False)
+        }
+        photos, poses = made[PHOTOS.name], made.get(POSES.name)
+        assert photos.work and photos.record
+        read = Elsewhere(
+            photos=photos.work.input_digests["folder"],
+            poses=poses.work.input_digests["given"] if poses and poses.work else None,
+            has_points=stages == FROM_MODEL,
+        )
         if store.shared is not None:
-            tell_photographs(store.shared.bucket, scene, visit.work.input_digests["folder"])
-    return Completed(message=f"{visit.record.metrics['photos']} photographs of {scene}")
+            tell_photographs(store.shared.bucket, scene, read)
+    return Completed(message=f"{photos.record.metrics['photos']} photographs of {scene}")
 
 
-def material_of(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig) -> Material:
-    """Return what a scene is made of. Photographs that are not here are read now by the machine that has the scene files.
+def material_of(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig | None = None) -> Material:
+    """Return what a scene is made of. What is not here is read now by the machine that has the scene files.
 
-    Raises InputError that names what is missing, and on which machine.
+    settings: None for those of the entry. Raises InputError that names what is missing, and on which machine.
     """
     try:
         return entry.material()
     except InputError:
         if (bucket := _bucket_of_others(store, scene, entry)) is None:
             raise
-    parameters = {"scene": scene, "settings": settings.model_dump(mode="json")}
+    parameters = {"scene": scene, "settings": (settings or entry.config()).model_dump(mode="json")}
     begun = cast(FlowRun, run_deployment(f"{_READ}/{DEPLOYED}", parameters=parameters, timeout=0))
     with get_client(sync_client=True) as client:
         end = ends_of(client, [begun.id])[begun.id]
     if not end.is_completed():
         raise InputError(
-            f"the photographs of {scene} are not on this machine, and could not be read where its file is: {end.message}",
+            f"photographs or poses of {scene} are not on this machine, and could not be read where its file is: {end.message}",
             "see the run `photographs of a scene` in Prefect's pages",
         )
     return entry.material(told_photographs(bucket, scene))
@@ -78,9 +90,9 @@ def known_material(store: Store, scene: str, entry: SceneEntry) -> Material:
         return entry.material()
     except InputError:
         bucket = _bucket_of_others(store, scene, entry)
-        if bucket is None or (digest := told_photographs(bucket, scene)) is None:
+        if bucket is None or (read := told_photographs(bucket, scene)) is None:
             raise
-    return entry.material(digest)
+    return entry.material(read)
 
 
 def _bucket_of_others(store: Store, scene: str, entry: SceneEntry) -> Bucket | None:

@@ -54,6 +54,7 @@ class Team:
     server: str = ""
     token: str = ""
     workers: dict[str, subprocess.Popen] = field(default_factory=dict)
+    first: subprocess.Popen | None = None  # `aug3d up`
 
     def ask(self, path: str, body: Any = None) -> Any:
         """Ask Prefect's API, again while it or its database is busy; a body is posted."""
@@ -136,6 +137,11 @@ class Team:
         if alive := leftovers(self.folder / name):
             raise self._failed(f"of {name}, which was killed, these live on: {alive}")
 
+    def spent_s(self) -> tuple[float, float]:
+        """Return the processor time so far of what workers share, `aug3d up` and the store's service, and of workers [s]."""
+        shared = [self.service, *([self.first] if self.first else [])]
+        return sum(map(_spent_s, shared)), sum(map(_spent_s, self.workers.values()))
+
     @contextmanager
     def store_away(self) -> Iterator[None]:
         """Let the store's service answer nothing, and keep what it holds: a machine that hangs, a network that is cut."""
@@ -173,7 +179,7 @@ class Team:
         """Start `aug3d up`."""
         ports = free_port(), free_port()
         words = [AUG3D, "up", "--prefect-port", str(ports[0]), "--mlflow-port", str(ports[1])]
-        process = self._begin("up", [*words, "--home", str(self.folder / "up")], {"AUG3D_QUEUE": "gpu"})
+        process = self.first = self._begin("up", [*words, "--home", str(self.folder / "up")], {"AUG3D_QUEUE": "gpu"})
         self.wait(lambda: "ready after" in self.log("up"), 240, "aug3d up is ready", process)
         self.server = f"http://127.0.0.1:{ports[0]}"
         self.token = (self.folder / "up" / "services" / "token").read_text()
@@ -227,6 +233,16 @@ def times_made(logs: Iterable[tuple[str, str]], computed: Iterable[tuple[str, st
     computed = set(computed)
     told = {(home, name) for home, _, name in computed}
     return Counter([name for _, _, name in computed]) + Counter([name for home, name in {*logs} - told])
+
+
+def _spent_s(process: subprocess.Popen) -> float:
+    """Return the processor time of a process and of all that it started, ended or not [s]."""
+    first, spent = psutil.Process(process.pid), 0.0
+    for one in (first, *first.children(recursive=True)):
+        with suppress(psutil.Error):
+            times = one.cpu_times()
+            spent += times.user + times.system + times.children_user + times.children_system
+    return spent
 
 
 def stage_of(process: psutil.Process) -> str:

@@ -31,9 +31,15 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class Batch:
-    """What came of a batch of towns. workers: those that made one; message: the last of the batch."""
+    """What came of a batch of towns.
+
+    shared_s, workers_s: processor time of what all workers share (`aug3d up`, the store's service), and of the workers.
+    workers: those that made a town; message: the last of the batch.
+    """
 
     seconds: float
+    shared_s: float
+    workers_s: float
     message: str
     made: Counter[str]
     workers: frozenset[str]
@@ -69,7 +75,8 @@ def batch_figures(folder: Path, say: Say, towns: int = TOWNS) -> dict[str, Figur
     """Make the same towns with two workers and with one, each bound to a core.
 
     Two come first: what this machine then has in memory is to the advantage of one. `aug3d up` and the store's service have
-    no core of their own; on a machine of two cores they take from two workers what they do not take from one.
+    no core of their own; on a machine of two cores they take from two workers what they do not take from one. How much that
+    is, is told.
     """
     if len(os.sched_getaffinity(0)) < 2:
         failure = "this machine has one core"
@@ -80,6 +87,12 @@ def batch_figures(folder: Path, say: Say, towns: int = TOWNS) -> dict[str, Figur
         "two_workers_speedup": at_least(1.7, one.seconds / two.seconds, "times"),
         "two_workers_seconds": Figure(two.seconds, "s"),
         "one_worker_seconds": Figure(one.seconds, "s"),
+        **{
+            f"{name}_processor_seconds": Figure(of.workers_s, "s")
+            for name, of in (("two_workers", two), ("one_worker", one))
+        },
+        "shared_processor_seconds": Figure(two.shared_s, "s"),
+        "two_workers_idle_share": Figure(1 - (two.workers_s + two.shared_s) / (2 * two.seconds), "share"),
         "towns_of_the_batch": Figure(towns, "towns"),
         "made_twice": at_most(0.0, made_twice(two.made), "objects"),
     }
@@ -130,13 +143,15 @@ def batch(folder: Path, towns: int, number: int, say: Say) -> Batch:
         for place in range(number):
             members.join(f"worker{place}", cores[place % len(cores)])
         say(who, 0, towns, "towns")
+        before = members.spent_s()
         started, run = time.monotonic(), members.start_all()
         ended = members.end_of(run, 3 * _HOUR_S)
         seconds = time.monotonic() - started
+        shared_s, workers_s = (now - then for now, then in zip(members.spent_s(), before, strict=True))
         say(who, towns, towns, "towns")
         _check(members, ended)
         workers = map(members.worker_of, members.scenes())
-        return Batch(seconds, ended["message"], members.made(), frozenset(workers))
+        return Batch(seconds, shared_s, workers_s, ended["message"], members.made(), frozenset(workers))
 
 
 def takeover(folder: Path, stage: str, say: Say, whole: int = 0) -> Takeover:

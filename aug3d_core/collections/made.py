@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.towns import town_works
 from aug3d_core.factory.build import Work, work_of
-from aug3d_core.factory.material import Source, source_of
+from aug3d_core.factory.material import Material, Source, source_of
 from aug3d_core.factory.plan import Step
 from aug3d_core.factory.stages import DATASET, EVALUATION, TRAINING
 from aug3d_core.factory.walk import Make, Visit, walk
@@ -20,6 +20,12 @@ from aug3d_core.store.store import Store
 
 TRAIN, HOLD_OUT, TOWN = "train", "hold out", "town"
 Maker = Callable[[str], Make]  # what the steps are of, in words -> how they are made
+Materials = Callable[[str, SceneEntry], Material]
+
+
+def found_here(_scene: str, entry: SceneEntry) -> Material:
+    """Return what a scene is made of, which must be on this machine."""
+    return entry.material()
 
 
 @dataclass
@@ -72,12 +78,13 @@ def make_collection(
     scenes: Mapping[str, SceneEntry | Aug3dError],
     maker: Maker,
     say: Callable[[str], None] = lambda what: None,
+    material_of: Materials = found_here,
 ) -> MadeCollection:
     """Make everything that changed. A scene that fails does not stop the others; raises InputError if none is left to train on.
 
-    scenes: what the registry says of each.
+    scenes: what the registry says of each. material_of: what a scene is made of.
     """
-    made, config = make_data(store, entry, scenes, maker, say), entry.config()
+    made, config = make_data(store, entry, scenes, maker, say, material_of), entry.config()
     chosen = made.trained_on()
     if not chosen:
         first = next(name for name, member in made.members.items() if member.role != HOLD_OUT)
@@ -108,19 +115,27 @@ def make_data(
     scenes: Mapping[str, SceneEntry | Aug3dError],
     maker: Maker,
     say: Callable[[str], None] = lambda what: None,
+    material_of: Materials = found_here,
 ) -> MadeCollection:
     """Make the data sets alone."""
     made, config = MadeCollection(), entry.config()
     for name, role in [*((name, TRAIN) for name in entry.train), *((name, HOLD_OUT) for name in entry.hold_out)]:
         say(name)
-        made.members[name] = _scene(store, name, role, scenes, maker(name))
+        made.members[name] = _scene(store, name, role, scenes, maker(name), material_of)
     for name, work in town_works(entry.towns, entry.towns_seed, config.dataset.width_px):
         say(name)
         made.members[name] = _town(name, work, maker(name))
     return made
 
 
-def _scene(store: Store, name: str, role: str, scenes: Mapping[str, SceneEntry | Aug3dError], make: Make) -> Member:
+def _scene(
+    store: Store,
+    name: str,
+    role: str,
+    scenes: Mapping[str, SceneEntry | Aug3dError],
+    make: Make,
+    material_of: Materials,
+) -> Member:
     """Make a scene up to its data set, in every fold of a small scene."""
     member = Member(role)
     try:
@@ -132,7 +147,7 @@ def _scene(store: Store, name: str, role: str, scenes: Mapping[str, SceneEntry |
             )
         if isinstance(entry, Aug3dError):
             raise entry
-        material = entry.material()
+        material = material_of(name, entry)
         member.made_up = material.photos is None
         stages = material.stages()
         for visit in walk(store, stages[: stages.index(DATASET) + 1], entry.config(), material, make):

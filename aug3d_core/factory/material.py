@@ -28,15 +28,23 @@ class Source(Frozen):
     reads: tuple[str, ...] = ()
 
 
+class Elsewhere(Frozen):
+    """What another machine read of photographs and poses that only it has: digests, and whether the poses have points."""
+
+    photos: str
+    poses: str | None = None
+    has_points: bool = False
+
+
 class Material(Frozen):
     """What the user gives: a folder of photographs, None for the built-in town; and their poses, None to find them.
 
-    digest: of photographs that lie on another machine, None for those that are read here.
+    elsewhere: what is known of them where both lie on another machine, None if they are read here.
     """
 
     photos: Path | None = None
     poses: Path | None = None
-    digest: str | None = None
+    elsewhere: Elsewhere | None = None
 
     def stages(self) -> tuple[Stage, ...]:
         """Return the stages that make a scene of it; raises InputError if the poses are of no known kind."""
@@ -44,7 +52,8 @@ class Material(Frozen):
             return FROM_TOWN
         if self.poses is None:
             return FROM_PHOTOS
-        return FROM_MODEL if recognise(self.poses).has_points else FROM_POSES
+        has_points = self.elsewhere.has_points if self.elsewhere else recognise(self.poses).has_points
+        return FROM_MODEL if has_points else FROM_POSES
 
 
 def source_of(store: Store, record: Record, reads: Sequence[str] = ()) -> Source:
@@ -71,16 +80,21 @@ def town_photos(store: Store, town: Record) -> Source:
     return Source(path=store.place(town) / TOWN_PHOTOS, digest=digest, made=town, reads=reads)
 
 
-def given_photos(folder: Path, digest: str | None = None) -> Source:
-    """Return the photographs that the user gives as an input. digest: of those that cannot be read here."""
-    return Source(path=folder, digest=digest or digest_apart(folder))
+def given_photos(folder: Path, elsewhere: Elsewhere | None = None) -> Source:
+    """Return the photographs that the user gives as an input."""
+    return Source(path=folder, digest=elsewhere.photos if elsewhere else digest_apart(folder))
+
+
+def given_poses(path: Path, elsewhere: Elsewhere | None = None) -> Source:
+    """Return the poses that the user gives as an input."""
+    return Source(path=path, digest=elsewhere.poses if elsewhere and elsewhere.poses else pose_digest(path))
 
 
 def _source(store: Store, stage: Stage, name: str, records: Mapping[str, Record], material: Material) -> Source:
     if name == "folder":
-        return (
-            given_photos(material.photos, material.digest) if material.photos else town_photos(store, records["town"])
-        )
+        if material.photos is None:
+            return town_photos(store, records["town"])
+        return given_photos(material.photos, material.elsewhere)
     if name == "given" and material.poses:
-        return Source(path=material.poses, digest=pose_digest(material.poses))
+        return given_poses(material.poses, material.elsewhere)
     return source_of(store, records[name], stage.reads.get(name, ()))

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from aug3d_core.factory.build import Built, Work, build, work_of
-from aug3d_core.factory.material import Source, given_photos, source_of, town_photos
+from aug3d_core.factory.material import Source, given_photos, given_poses, source_of, town_photos
 from aug3d_core.factory.stages import STAGES, TOWN
-from aug3d_core.poses.recognise import pose_digest
 from aug3d_core.run.errors import Aug3dError, StoreError
 from aug3d_core.run.files import EARLIER, FILES, JOB
 from aug3d_core.run.stage import Progress, Stage
@@ -68,7 +67,7 @@ def _source(store: Store, stage: Stage, name: str, path: Path, progress: Progres
         of_town = path.parts[-2:] == (FILES, TOWN_PHOTOS) and path.parts[-4] == TOWN.name  # whichever machine's it was
         return town_photos(store, _whole(store, path.parent, progress)) if of_town else given_photos(path)
     if name == "given":
-        return Source(path=path, digest=pose_digest(path))
+        return given_poses(path)
     return source_of(store, _whole(store, path, progress), stage.reads.get(name, ()))
 
 

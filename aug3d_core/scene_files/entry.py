@@ -12,7 +12,7 @@ from typing import Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from aug3d_core.factory.config import AUTO, PRESETS, SceneConfig, validated_config, with_settings
-from aug3d_core.factory.material import Material
+from aug3d_core.factory.material import Elsewhere, Material
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Frozen
@@ -111,12 +111,14 @@ class SceneEntry(Frozen):
         """Return the preset's values with the settings over them, not checked yet."""
         return with_settings(self.preset, self.settings)
 
-    def material(self, digest: str | None = None) -> Material:
+    def material(self, elsewhere: Elsewhere | None = None) -> Material:
         """Return what the scene is made of; raises InputError that names file, line and folder if it is not there.
 
-        digest: of photographs that lie on another machine.
+        elsewhere: what another machine read of it, which is not looked for here.
         """
-        if self.photos and digest is None and (trouble := _trouble_with_photos(self.photos)):
+        if elsewhere:
+            return Material(photos=self.photos, poses=self.poses, elsewhere=elsewhere)
+        if self.photos and (trouble := _trouble_with_photos(self.photos)):
             raise InputError(
                 f"{self._origin.of('photos')}: folder {self.photos} {trouble} (on {gethostname()})",
                 "connect the disk that it is on, or name the folder where the photographs are now",
@@ -126,7 +128,7 @@ class SceneEntry(Frozen):
                 f"{self._origin.of('poses')}: {self.poses} {trouble} (on {gethostname()})",
                 "name the file or folder where the poses are now, or null to compute them",
             )
-        return Material(photos=self.photos, poses=self.poses, digest=digest)
+        return Material(photos=self.photos, poses=self.poses)
 
 
 def _trouble_with_photos(folder: Path) -> str | None:

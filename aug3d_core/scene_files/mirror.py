@@ -1,7 +1,7 @@
 """The registry in a shared store: whoever registers scenes puts it there, and workers of other machines bring it.
 
 The folder of files stays the only place that people edit. A path in it is the same on every machine; photographs that are
-not there are named by the machine that has them.
+not there, and poses, are named by the machine that has them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
+from aug3d_core.factory.material import Elsewhere
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
 from aug3d_core.scene_files.registry import Registry
@@ -67,15 +70,21 @@ def was_brought(file: Path) -> bool:
     return file.read_bytes().startswith(_BROUGHT.encode())
 
 
-def tell_photographs(bucket: Bucket, scene: str, digest: str) -> None:
-    """Tell other machines the digest of a scene's photographs as they are now."""
-    bucket.put(f"{layout.PHOTOGRAPHS}/{check_scene_name(scene)}", digest.encode())
+def tell_photographs(bucket: Bucket, scene: str, read: Elsewhere) -> None:
+    """Tell other machines of a scene's photographs and poses as they are now."""
+    bucket.put(f"{layout.PHOTOGRAPHS}/{check_scene_name(scene)}", read.model_dump_json().encode())
 
 
-def told_photographs(bucket: Bucket, scene: str) -> str | None:
-    """Return the digest of a scene's photographs that was told last; None if none was."""
-    content = bucket.get(f"{layout.PHOTOGRAPHS}/{check_scene_name(scene)}")
-    return content.decode() if content else None
+def told_photographs(bucket: Bucket, scene: str) -> Elsewhere | None:
+    """Return what was told last of a scene's photographs and poses; None if nothing was. Raises StoreError if it is damaged."""
+    name = f"{layout.PHOTOGRAPHS}/{check_scene_name(scene)}"
+    content = bucket.get(name)
+    try:
+        return Elsewhere.model_validate_json(content) if content else None
+    except ValidationError as error:
+        raise StoreError(
+            f"{bucket.url}/{name} is damaged", "delete it; the next run of the scene puts it again"
+        ) from error
 
 
 def _write(folder: Path, there: Sequence[Path], wanted: Mapping[str, str]) -> None:

@@ -11,6 +11,7 @@ from aug3d_core.collections.flights import near_share, overlapping
 from aug3d_core.collections.made import HOLD_OUT, TOWN, TRAIN, make_collection
 from aug3d_core.collections.page import report
 from aug3d_core.collections.versions import collection_metrics
+from aug3d_core.factory.material import Elsewhere
 from aug3d_core.run.errors import InputError, StageFailed
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
@@ -47,6 +48,20 @@ def test_one_training_over_what_is_trained_on_and_no_held_out_scene(store, stage
     }  # fmt: skip
     assert set(found.evaluations) == {"north", "south", "far"}
     assert stages.computed.count("training") == 1
+
+
+def test_what_a_scene_is_made_of_may_come_from_elsewhere(store, stages):
+    told = Elsewhere(photos="as read there")
+    photographed = SCENES | {"south": SceneEntry(photos=store.root / "far away")}
+    assert "far away" in made(store, stages, scenes=photographed).members["south"].trouble
+    asked = []
+
+    def material_of(name, entry):
+        asked.append(name)
+        return entry.material(told if entry.photos else None)
+
+    found = make_collection(store, ENTRY, photographed, lambda of: stages.maker(store), material_of=material_of)
+    assert found.members["south"].data and asked == ["north", "south", "far"]
 
 
 def test_nothing_is_made_twice_and_only_what_changed(store, stages):

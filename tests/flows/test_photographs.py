@@ -1,4 +1,4 @@
-"""A scene whose photographs only the machine of its file has is made by another: from what that machine read, as it is now."""
+"""Photographs and poses that only the machine of a scene's file has: another makes the scene of what that one read."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ import shutil
 import threading
 from collections.abc import Iterator
 from contextvars import copy_context
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from aug3d_core.factory.material import Elsewhere, Material
+from aug3d_core.factory.stages import POSES
 from aug3d_core.photos.discover import folder_digest
+from aug3d_core.poses.recognise import TRANSFORMS as POSE_FILE
+from aug3d_core.poses.recognise import pose_digest
 from aug3d_core.run.errors import InputError
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_scene, write_scene
@@ -24,20 +29,24 @@ from tests.flows.stand_in import FEW, Stages, stand_in
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect")]
 SCENE = "far_away"
+WITH_POSES = (FEW[0], replace(POSES, inputs=("photos", "given")), *FEW[1:])
 MOUNTED = threading.Lock()  # held while the disk is where the scene's file says
 
 
 @pytest.fixture
 def stages(fresh_mlflow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stages:
-    return stand_in(monkeypatch, fresh_mlflow, tmp_path)
+    made = stand_in(monkeypatch, fresh_mlflow, tmp_path)
+    monkeypatch.setattr(Material, "stages", lambda _: WITH_POSES)
+    return made
 
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Path:
-    """Return a disk with photographs, which the machine of the scene's file mounts only while it works."""
+    """Return a disk with photographs and poses, which the machine of the scene's file mounts only while it works."""
     folder = tmp_path / "disk"
     folder.mkdir()
     (folder / "a.jpg").write_bytes(b"a photograph")
+    (folder / POSE_FILE).write_text("{}")
     return folder
 
 
@@ -59,7 +68,7 @@ def there(
     monkeypatch.setattr(ends, "_ASK_EVERY_S", 0.2)
     mount, ended = tmp_path / "photos", threading.Event()
     here, there = Store(tmp_path / "here"), Store(tmp_path / "there")
-    write_scene(here, SCENE, SceneEntry(photos=mount))
+    write_scene(here, SCENE, SceneEntry(photos=mount, poses=mount / POSE_FILE))
     share(here, Bucket(shared), REGISTRIES)
     bring(there, Bucket(shared), REGISTRIES)
     monkeypatch.setenv("AUG3D_HOME", str(there.root))
@@ -94,6 +103,10 @@ def there(
     thread.join()
 
 
+def as_read(disk: Path) -> Elsewhere:
+    return Elsewhere(photos=folder_digest(disk), poses=pose_digest(disk))
+
+
 def end_of(entry: SceneEntry) -> Any:
     from flows.regenerate import regenerate
 
@@ -107,8 +120,10 @@ def test_a_machine_without_them_makes_the_scene(
 ) -> None:
     store, entry = there
     first = end_of(entry)
-    assert (first.name, sorted(stages.computed)) == ("Published", sorted(stage.name for stage in FEW)), first.message
-    assert told_photographs(Bucket(shared), SCENE) == folder_digest(disk)
+    assert (first.name, sorted(stages.computed)) == ("Published", sorted(stage.name for stage in WITH_POSES)), (
+        first.message
+    )
+    assert told_photographs(Bucket(shared), SCENE) == as_read(disk)
     assert [*(store.root / "objects" / "photos").glob("*/record.json")], "it came from the store"
 
     stages.computed.clear()
@@ -116,6 +131,10 @@ def test_a_machine_without_them_makes_the_scene(
     (disk / "b.jpg").write_bytes(b"another photograph")
     assert end_of(entry).name == "Published"
     assert "photos" in stages.computed, "they are read as they are now"
+    stages.computed.clear()
+    (disk / POSE_FILE).write_text("{ }")
+    end_of(entry)
+    assert "poses" in stages.computed and "photos" not in stages.computed
 
 
 def test_whoever_helps_asks_nobody(there: tuple[Store, SceneEntry], disk: Path) -> None:
@@ -126,7 +145,7 @@ def test_whoever_helps_asks_nobody(there: tuple[Store, SceneEntry], disk: Path) 
         known_material(store, SCENE, entry)
     end_of(entry)
     material = known_material(store, SCENE, entry)
-    assert (material.photos, material.digest) == (entry.photos, folder_digest(disk))
+    assert (material.photos, material.elsewhere) == (entry.photos, as_read(disk))
 
 
 def test_where_nobody_has_them_the_run_names_the_folder(there: tuple[Store, SceneEntry], disk: Path) -> None:

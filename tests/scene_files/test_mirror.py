@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,10 @@ import pytest
 from aug3d_core.bench.s3_service import BUCKET, KEYS, s3_service
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
+from aug3d_core.factory.material import Elsewhere, gather
+from aug3d_core.factory.stages import FROM_MODEL, FROM_POSES, POSES
 from aug3d_core.run.errors import Aug3dError, InputError, StoreError, UsageError
+from aug3d_core.run.stage import Stage
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import REGISTRY, read_each, read_scene, remove_scene, scene_file, write_scene
 from aug3d_core.scene_files.mirror import (
@@ -83,12 +87,24 @@ def test_photographs_that_are_not_there_are_known_by_what_was_told_last(
     with pytest.raises(InputError, match="photos"):
         entry.material()
     assert told_photographs(bucket, "hill") is None
-    for digest in ("before", "now"):
-        tell_photographs(bucket, "hill", digest)
+    for read in (Elsewhere(photos="before"), Elsewhere(photos="now", poses="p", has_points=True)):
+        tell_photographs(bucket, "hill", read)
     material = entry.material(told_photographs(bucket, "hill"))
-    assert (material.photos, material.digest) == (entry.photos, "now")
+    assert (material.photos, material.elsewhere) == (entry.photos, read)
     with pytest.raises(UsageError):
-        tell_photographs(bucket, "../hill", "now")
+        tell_photographs(bucket, "../hill", read)
+    bucket.put(bucket_name := "photographs/hill", b"{")
+    with pytest.raises(StoreError, match=bucket_name):
+        told_photographs(bucket, "hill")
+
+
+@pytest.mark.parametrize(("has_points", "stages"), [(True, FROM_MODEL), (False, FROM_POSES)])
+def test_what_poses_that_are_not_there_hold_was_told(here: Store, has_points: bool, stages: tuple[Stage, ...]) -> None:
+    entry = SceneEntry(photos=here.root / "photos", poses=here.root / "sparse")
+    material = entry.material(Elsewhere(photos="a", poses="b", has_points=has_points))
+    assert material.stages() == stages
+    sources = gather(here, replace(POSES, inputs=("folder", "given")), {}, material)
+    assert {name: source.digest for name, source in sources.items()} == {"folder": "a", "given": "b"}
 
 
 def test_what_is_changed_and_removed_follows(bucket: Bucket, here: Store, there: Store) -> None:
