@@ -17,8 +17,8 @@ from aug3d_core.factory.config import SIZES, SceneConfig, scene_config
 from aug3d_core.factory.material import Material
 from aug3d_core.poses.recognise import CLOUD, COLMAP, DTU, GLB, MAP, NERFSTUDIO
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.garbage import collect_seldom
 from aug3d_core.run.limits import limits_from
-from aug3d_core.run.short_process import collect_seldom
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import bring_report, last_version, object_of, paths_here, records_before, versions

@@ -5,6 +5,7 @@ It is the server of `aug3d up`, of docker-compose.yml and of a single run. Both 
 
 from __future__ import annotations
 
+import gc
 import os
 import socket
 import sys
@@ -12,8 +13,8 @@ import sys
 import uvicorn
 from starlette.types import ASGIApp
 
+from aug3d_core.run.garbage import collect_apart
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
-from aug3d_core.run.short_process import collect_seldom
 from flows.guard import Guard
 from flows.serving import LISTENING, MLFLOW, PREFECT, serving_from
 
@@ -48,11 +49,12 @@ def main(name: str) -> None:
 
 def _prefect() -> ASGIApp:
     os.environ.pop(_OWN_DOOR, None)
-    if "PREFECT__SERVER_EPHEMERAL" in os.environ:
-        collect_seldom()
+    gc.disable()
     from prefect.server.api.server import create_app
 
-    return create_app()
+    app = create_app()
+    collect_apart()
+    return app
 
 
 def _mlflow() -> ASGIApp:
