@@ -137,10 +137,9 @@ class Team:
         if alive := leftovers(self.folder / name):
             raise self._failed(f"of {name}, which was killed, these live on: {alive}")
 
-    def spent_s(self) -> tuple[float, float]:
-        """Return the processor time so far of what workers share, `aug3d up` and the store's service, and of workers [s]."""
-        shared = [self.service, *([self.first] if self.first else [])]
-        return sum(map(_spent_s, shared)), sum(map(_spent_s, self.workers.values()))
+    def shared_s(self) -> float:
+        """Return the processor time so far of what workers share, `aug3d up` and the store's service [s]."""
+        return sum(_spent_s(process) for process in (self.service, self.first) if process)
 
     @contextmanager
     def store_away(self) -> Iterator[None]:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from aug3d_core.bench.figure import Figure, at_least, at_most
 from aug3d_core.bench.team import Team, TeamFailed, team
 from aug3d_core.depth.files import RAW
@@ -33,13 +35,13 @@ _HOUR_S = 3600.0
 class Batch:
     """What came of a batch of towns.
 
-    shared_s, workers_s: processor time of what all workers share (`aug3d up`, the store's service), and of the workers.
-    workers: those that made a town; message: the last of the batch.
+    shared_s: processor time of what workers share, `aug3d up` and the store's service. idle: share of this machine's processor
+    time that nobody used. workers: those that made a town; message: the last of the batch.
     """
 
     seconds: float
     shared_s: float
-    workers_s: float
+    idle: float
     message: str
     made: Counter[str]
     workers: frozenset[str]
@@ -87,12 +89,9 @@ def batch_figures(folder: Path, say: Say, towns: int = TOWNS) -> dict[str, Figur
         "two_workers_speedup": at_least(1.7, one.seconds / two.seconds, "times"),
         "two_workers_seconds": Figure(two.seconds, "s"),
         "one_worker_seconds": Figure(one.seconds, "s"),
-        **{
-            f"{name}_processor_seconds": Figure(of.workers_s, "s")
-            for name, of in (("two_workers", two), ("one_worker", one))
-        },
         "shared_processor_seconds": Figure(two.shared_s, "s"),
-        "two_workers_idle_share": Figure(1 - (two.workers_s + two.shared_s) / (2 * two.seconds), "share"),
+        "two_workers_idle_share": Figure(two.idle, "share"),
+        "one_worker_idle_share": Figure(one.idle, "share"),
         "towns_of_the_batch": Figure(towns, "towns"),
         "made_twice": at_most(0.0, made_twice(two.made), "objects"),
     }
@@ -143,15 +142,16 @@ def batch(folder: Path, towns: int, number: int, say: Say) -> Batch:
         for place in range(number):
             members.join(f"worker{place}", cores[place % len(cores)])
         say(who, 0, towns, "towns")
-        before = members.spent_s()
+        before, idle_before = members.shared_s(), psutil.cpu_times().idle
         started, run = time.monotonic(), members.start_all()
         ended = members.end_of(run, 3 * _HOUR_S)
         seconds = time.monotonic() - started
-        shared_s, workers_s = (now - then for now, then in zip(members.spent_s(), before, strict=True))
+        shared_s = members.shared_s() - before
+        idle = (psutil.cpu_times().idle - idle_before) / (os.cpu_count() or 1) / seconds
         say(who, towns, towns, "towns")
         _check(members, ended)
         workers = map(members.worker_of, members.scenes())
-        return Batch(seconds, shared_s, workers_s, ended["message"], members.made(), frozenset(workers))
+        return Batch(seconds, shared_s, idle, ended["message"], members.made(), frozenset(workers))
 
 
 def takeover(folder: Path, stage: str, say: Say, whole: int = 0) -> Takeover:

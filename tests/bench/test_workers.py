@@ -39,14 +39,14 @@ def test_the_figures_of_a_batch_compare_one_with_two(tmp_path: Path, monkeypatch
     def batch(folder: Path, towns: int, number: int, _: object) -> workers.Batch:
         asked.append((folder.name, towns, number))
         made = Counter({"town a": 1, "town b": number})
-        return workers.Batch({1: 300.0, 2: 150.0}[number], 45.0, 175.0 + 25 * number, "", made, frozenset())
+        return workers.Batch({1: 300.0, 2: 150.0}[number], 45.0, 0.1, "", made, frozenset())
 
     monkeypatch.setattr(workers, "batch", batch)
     found = workers.batch_figures(tmp_path, say, 4)
     assert asked == [("two", 4, 2), ("one", 4, 1)]
     assert found["two_workers_speedup"] == Figure(2.0, "times", 1.7, True)
     assert found["made_twice"] == Figure(1, "objects", 0.0, False)
-    assert found["two_workers_idle_share"].value == pytest.approx(0.1)
+    assert (found["two_workers_idle_share"].value, found["shared_processor_seconds"].value) == (0.1, 45.0)
 
 
 def test_one_core_is_told_not_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
