@@ -49,7 +49,7 @@ def main(name: str) -> None:
 
 def _prefect() -> ASGIApp:
     os.environ.pop(_OWN_DOOR, None)
-    gc.disable()
+    gc.disable()  # imports make no garbage
     from prefect.server.api.server import create_app
 
     app = create_app()
