@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
+from aug3d_core.factory.cluster import DASK, scheduler_from, worker_count
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.gpus import gpu_names
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, limits_from
@@ -37,7 +38,8 @@ class Check(Frozen):
 def examine(home: Path) -> list[Check]:
     """Look at everything a run needs."""
     here = [_python(), *map(_engine, _ENGINES), _memory(), _limits(), _disk(home), _cores(), _gpu()]
-    return [*here, _shared_store()] if os.environ.get(SHARED_VARIABLE) else here
+    shared = [_shared_store()] if os.environ.get(SHARED_VARIABLE) else []
+    return [*here, *shared, *([_cluster()] if os.environ.get(DASK) else [])]
 
 
 def _python() -> Check:
@@ -117,6 +119,17 @@ def _shared_store() -> Check:
         found = f"{place.url} does not show at once what was written"
         return Check(name="store", state="fail", found=found, remedy="use a service that lists after a write")
     return Check(name="store", state="ok", found=f"{place.url}: conditional writes and lists hold")
+
+
+def _cluster() -> Check:
+    try:
+        address = scheduler_from(os.environ)
+        workers = worker_count(address)
+    except UsageError as error:
+        return Check(name="dask", state="fail", found=error.problem, remedy=error.remedy)
+    state = "ok" if workers else "warn"
+    remedy = f"start some: dask worker {address}, with the same {SHARED_VARIABLE}"
+    return Check(name="dask", state=state, found=f"{workers} workers at {address}", remedy=remedy)
 
 
 def _cores() -> Check:

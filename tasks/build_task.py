@@ -11,6 +11,7 @@ from prefect.client.schemas.objects import State, TaskRun
 from prefect.states import Completed
 
 from aug3d_core.factory.build import Built, Work, build
+from aug3d_core.factory.cluster import with_cluster
 from aug3d_core.factory.walk import Make, Visit
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.store.store import Store
@@ -36,7 +37,7 @@ def build_object(work: Work, home: str, step: str) -> State[Built]:
 def through_prefect(store: Store, of: str = "") -> Make:
     """Return what a walk does with each step: run the task, and say what it is doing to those who listen.
 
-    of: what the steps are of, where there are several walks in one flow.
+    of: what the steps are of, where there are several walks in one flow. Raises UsageError where AUG3D_DASK cannot be used.
     """
 
     def make(visit: Visit) -> Built:
@@ -46,4 +47,4 @@ def through_prefect(store: Store, of: str = "") -> Make:
         state = build_object(visit.work, str(store.root), name, return_state=True)
         return state.result()
 
-    return make
+    return with_cluster(store, make)
