@@ -124,7 +124,7 @@ def with_cluster(store: Store, make: Make) -> Make:
     if not address or store.shared is None:
         return make
 
-    def made(visit: Visit) -> Built:
+    def made(visit: Visit) -> Built | None:
         order = order_of(visit.work) if visit.work and visit.step.stage.assist else None
         if order is None:
             return make(visit)
