@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from aug3d_core.factory.cluster import DASK, scheduler_from, worker_count
+from aug3d_core.factory.scheduler import DASK, scheduler_from, worker_count
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.gpus import gpu_names
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, limits_from

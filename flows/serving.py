@@ -17,6 +17,7 @@ from aug3d_core.store import layout
 from flows.guard import TOKEN, USER, Door
 
 PREFECT, MLFLOW, WORKER = "prefect", "mlflow", "worker"
+SCHEDULER, HELPER = "dask-scheduler", "dask-worker"
 CPU, GPU = "cpu", "gpu"  # queues of runs that any machine can do; a scene with the tag gpu goes to that one
 QUEUE = "AUG3D_QUEUE"
 LISTENING = "AUG3D_LISTENING"  # the number of a socket that listens already, of the process that started the server

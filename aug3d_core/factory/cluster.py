@@ -10,16 +10,15 @@ import logging
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from aug3d_core.factory.build import Built, Work, assist, work_of
 from aug3d_core.factory.material import source_of
+from aug3d_core.factory.scheduler import CONNECT_S, scheduler_from
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.factory.walk import Make, Visit
 from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
@@ -31,11 +30,8 @@ from aug3d_core.store.store import Store
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-DASK = "AUG3D_DASK"
 ASK_AFTER_S = 10.0  # a stage that ends before has no use for help, which takes seconds to begin
 ASK_EVERY_S = 30.0  # workers join and leave
-_CONNECT_S = 20
-_LOOPBACK = ("localhost", "127.0.0.1", "::1")
 _log = logging.getLogger(__name__)
 
 
@@ -76,45 +72,6 @@ def ordered(store: Store, order: Order) -> Work:
     return work
 
 
-def scheduler_from(environment: Mapping[str, str]) -> str:
-    """Return the address of the scheduler, "" if none is named; raises UsageError if it cannot be used."""
-    address = environment.get(DASK, "").strip()
-    if not address:
-        return ""
-    try:
-        parts = urlsplit(address)
-        known = parts.scheme in ("tcp", "tls") and bool(parts.hostname) and bool(parts.port)
-    except ValueError:
-        known = False
-    if not known:
-        raise UsageError(f"{DASK} is {address!r}", "give the address of a Dask scheduler, e.g. tls://scheduler:8786")
-    if parts.scheme == "tcp" and parts.hostname not in _LOOPBACK:
-        raise UsageError(
-            f"{DASK} is {address}: whoever reaches a Dask scheduler without TLS can run anything on its workers",
-            "give it a certificate and name it as tls://HOST:PORT (see docs.dask.org, TLS), or reach it through an SSH tunnel",
-        )
-    if not environment.get(SHARED_VARIABLE, "").strip():
-        raise UsageError(
-            f"{DASK} is set, but {SHARED_VARIABLE} is not", "Dask's workers hand over through a shared store"
-        )
-    if find_spec("distributed") is None:
-        raise UsageError(f"{DASK} is set, but Dask is not installed", "pip install 'aug3d[dask]'")
-    return address
-
-
-def worker_count(address: str) -> int:
-    """Return how many workers a scheduler has; raises UsageError if it does not answer."""
-    from distributed import Client
-
-    try:
-        with Client(address, timeout=_CONNECT_S, set_as_default=False) as client:
-            return len(client.scheduler_info(n_workers=-1)["workers"])
-    except (OSError, TimeoutError, RuntimeError) as error:
-        raise UsageError(
-            f"no Dask scheduler answers at {address}: {error}", f"start it, or leave {DASK} out"
-        ) from error
-
-
 def with_cluster(store: Store, make: Make) -> Make:
     """Return what makes a step and, while that takes long, has the workers of a Dask cluster make shards of it.
 
@@ -153,7 +110,7 @@ def _ask(order: Order, address: str, over: Event) -> None:
     try:
         from distributed import Client
 
-        with Client(address, timeout=_CONNECT_S, set_as_default=False) as client:
+        with Client(address, timeout=CONNECT_S, set_as_default=False) as client:
             _keep_asking(client, order, over)
     except Exception as error:  # whatever a cluster may do, the object is made here
         _log.warning("no help from %s: %s: %s", address, type(error).__name__, error)

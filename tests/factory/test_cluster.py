@@ -17,15 +17,18 @@ import pytest
 from aug3d_core import doctor
 from aug3d_core.bench.s3_service import free_port
 from aug3d_core.bench.small_town import SETTINGS
-from aug3d_core.factory import cluster
+from aug3d_core.factory import cluster, scheduler
 from aug3d_core.factory.build import Work, build, work_of
-from aug3d_core.factory.cluster import DASK, asking, order_of, ordered, scheduler_from, with_cluster, worker_count
+from aug3d_core.factory.cluster import asking, order_of, ordered, with_cluster
 from aug3d_core.factory.config import scene_config
 from aug3d_core.factory.material import Source
+from aug3d_core.factory.scheduler import DASK, worker_count
 from aug3d_core.factory.stages import TOWN
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store.layout import SHARED_VARIABLE
 from aug3d_core.store.store import Store
+from flows.services import healthy
+from flows.serving import HELPER, SCHEDULER, Serving
 
 
 def say(*_: object) -> None:
@@ -35,28 +38,6 @@ def say(*_: object) -> None:
 def town(**changed: Any) -> Work:
     values = scene_config("tiny").town.model_dump() | SETTINGS["town"] | {"photos_per_shard": 2} | changed
     return work_of(TOWN, TOWN.config.model_validate(values), {})
-
-
-@pytest.mark.parametrize(
-    "address", ["scheduler", "http://127.0.0.1:8786", "tcp://127.0.0.1", "tls://:8786", "tcp://[::1:8786"]
-)
-def test_what_is_no_address_is_refused(address: str) -> None:
-    with pytest.raises(UsageError, match=DASK):
-        scheduler_from({DASK: address, SHARED_VARIABLE: "s3://bucket"})
-
-
-def test_an_open_scheduler_is_used_on_this_machine_only() -> None:
-    shared = {SHARED_VARIABLE: "s3://bucket"}
-    with pytest.raises(UsageError, match="without TLS"):
-        scheduler_from({DASK: "tcp://10.0.0.7:8786", **shared})
-    for address in ("tls://10.0.0.7:8786", "tcp://127.0.0.1:8786", "tcp://[::1]:8786"):
-        assert scheduler_from({DASK: address, **shared}) == address
-
-
-def test_without_a_shared_store_there_is_nothing_to_hand_over_through() -> None:
-    assert scheduler_from({}) == scheduler_from({DASK: " "}) == ""
-    with pytest.raises(UsageError, match=SHARED_VARIABLE):
-        scheduler_from({DASK: "tcp://127.0.0.1:8786"})
 
 
 def test_an_order_is_for_the_same_object_or_none(tmp_path: Path) -> None:
@@ -81,7 +62,8 @@ def test_a_cluster_that_is_not_there_stops_no_work(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(cluster, "ASK_AFTER_S", 0.0)
-    monkeypatch.setattr(cluster, "_CONNECT_S", 1)
+    monkeypatch.setattr(cluster, "CONNECT_S", 1)
+    monkeypatch.setattr(scheduler, "CONNECT_S", 1)
     order = order_of(town())
     assert order
     address = f"tcp://127.0.0.1:{free_port()}"
@@ -97,19 +79,14 @@ def test_a_cluster_that_is_not_there_stops_no_work(
 @pytest.fixture
 def dask(tmp_path: Path, shared: str) -> Iterator[tuple[str, dict[str, subprocess.Popen]]]:
     """Run a scheduler and two workers, each with a home of its own; yield the address and the workers."""
-    address, cli = f"tcp://127.0.0.1:{free_port()}", [sys.executable, "-m"]
-    host = ["--host", "127.0.0.1", "--no-dashboard"]
-    commands = {"scheduler": ["distributed.cli.dask_scheduler", *host, "--port", address.rpartition(":")[2]]}
-    one_each = ["--nworkers", "1", "--nthreads", "1", "--no-nanny"]
-    commands |= {
-        name: ["distributed.cli.dask_worker", address, *host, *one_each, "--name", name] for name in ("one", "two")
-    }
+    address = f"tcp://127.0.0.1:{free_port()}"
     with ExitStack() as stack:
         running = {}
-        for name, command in commands.items():
+        for name, service in {"scheduler": SCHEDULER, "one": HELPER, "two": HELPER}.items():
             log = stack.enter_context((tmp_path / f"{name}.log").open("w"))
-            place = {"AUG3D_HOME": str(tmp_path / name), "DASK_TEMPORARY_DIRECTORY": str(tmp_path)}
-            running[name] = subprocess.Popen([*cli, *command], env={**os.environ, **place}, stdout=log, stderr=log)
+            place = {"AUG3D_HOME": str(tmp_path / name), DASK: address}
+            command = [sys.executable, "-m", "flows.services", service]
+            running[name] = subprocess.Popen(command, env={**os.environ, **place}, stdout=log, stderr=log)
             stack.callback(running[name].wait)
             stack.callback(running[name].kill)
         yield address, running
@@ -123,6 +100,7 @@ def test_each_worker_makes_shards_and_a_lost_one_costs_no_more(
     monkeypatch.setenv(DASK, address)
     while worker_count(address) < 2:
         time.sleep(0.2)
+    assert healthy(SCHEDULER, Serving(tmp_path), address) and healthy(HELPER, Serving(tmp_path), address)
     assert doctor._cluster().found == f"2 workers at {address}"
     monkeypatch.setattr(cluster, "ASK_AFTER_S", 0.0)
     monkeypatch.setattr(cluster, "ASK_EVERY_S", 0.5)

@@ -110,7 +110,7 @@ def test_only_the_owner_reads_what_the_services_keep(tmp_path: Path) -> None:
     """The entry itself, told to become a Python that does nothing."""
     serving = Serving(tmp_path)
     become = (
-        "import flows.services as s; s.command = lambda _: ['-c', '']; "
+        "import flows.services as s; s.command = lambda *_: ['-c', '']; "
         f"s._become({PREFECT!r}, s.serving_from({serving.as_environment()!r}))"
     )
     subprocess.run([sys.executable, "-c", become], check=True, cwd=Path(__file__).parents[2])
@@ -160,3 +160,16 @@ def test_a_machine_serves_the_queue_that_it_is_told_to_or_both() -> None:
     assert queues_from({"AUG3D_QUEUE": "gpu"}) == ("gpu",)
     with pytest.raises(UsageError, match="AUG3D_QUEUE=tpu is no queue"):
         queues_from({"AUG3D_QUEUE": "tpu"})
+
+
+@pytest.mark.parametrize("name", [services.SCHEDULER, services.HELPER])
+def test_a_service_of_dask_wants_the_address_of_its_scheduler(name: str) -> None:
+    with pytest.raises(UsageError, match="AUG3D_DASK is not set"):
+        services._scheduler(name, {"AUG3D_DASK": " "})
+    assert services._scheduler(WORKER, {}) == ""
+
+
+def test_dask_listens_where_its_address_says_and_shows_no_pages() -> None:
+    words = services.command(services.SCHEDULER, "tcp://[::1]:8786")
+    assert words[words.index("--host") + 1] == "::1" and words[words.index("--port") + 1] == "8786"
+    assert "--no-dashboard" in words and "--no-dashboard" in services.command(services.HELPER, "tcp://127.0.0.1:8786")

@@ -15,12 +15,14 @@ import typer
 import yaml
 
 from aug3d_core import __version__
+from aug3d_core.factory.scheduler import DASK, scheduler_from
 from flows.cli import app
 from flows.services import settings
-from flows.serving import MLFLOW, PREFECT, WORKER, secrets_read, serving_from
+from flows.serving import HELPER, MLFLOW, PREFECT, SCHEDULER, WORKER, secrets_read, serving_from
 
 ROOT = Path(__file__).parents[2]
 OURS = {"prefect": PREFECT, "mlflow": MLFLOW, "worker": WORKER, "worker-gpu": WORKER}
+OF_DASK = {SCHEDULER: SCHEDULER, HELPER: HELPER}
 
 
 @pytest.fixture(scope="module")
@@ -46,11 +48,13 @@ def test_the_file_is_one_of_the_compose_specification() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("name", OURS)
-def test_our_services_are_started_and_checked_as_aug3d_up_does_it(name: str, services: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("name", "service"), [*OURS.items(), *OF_DASK.items()])
+def test_our_services_are_started_and_checked_as_aug3d_up_does_it(
+    name: str, service: str, services: dict[str, Any]
+) -> None:
     entry = ["python", "-m", "flows.services"]
-    assert services[name]["command"] == [*entry, OURS[name]]
-    assert services[name]["healthcheck"]["test"] == ["CMD", *entry, "check", OURS[name]]
+    assert services[name]["command"] == [*entry, service]
+    assert services[name]["healthcheck"]["test"] == ["CMD", *entry, "check", service]
 
 
 def test_another_worker_joins_with_a_home_of_its_own_and_the_same_store(services: dict[str, Any]) -> None:
@@ -61,6 +65,29 @@ def test_another_worker_joins_with_a_home_of_its_own_and_the_same_store(services
     assert more["environment"] == first["environment"] and more["healthcheck"] == first["healthcheck"]
     homes = [{volume.split(":")[0] for volume in one["volumes"] if volume.endswith(":/data")} for one in (more, first)]
     assert homes[0].isdisjoint(homes[1])
+
+
+def test_a_dask_worker_helps_the_first_worker_where_nobody_else_reaches_its_scheduler(
+    services: dict[str, Any], made_secrets: Path
+) -> None:
+    first = services["worker"]
+    for name in OF_DASK:
+        helping = services[name]
+        assert helping["network_mode"] == "service:worker" and not {"ports", "networks"} & helping.keys()
+        assert helping["profiles"] == ["dask"]
+        assert helping["environment"].items() <= first["environment"].items()  # the same store, the same scheduler
+        values = {**known_variables(), DASK: "tcp://127.0.0.1:8786"}
+        environment = {key: filled_in(value, values) for key, value in helping["environment"].items()}
+        mounted = {f"/run/secrets/{secret}": made_secrets / secret for secret in helping["secrets"]}
+        read = secrets_read({key: str(mounted.get(value, value)) for key, value in environment.items()})
+        assert read["AWS_ACCESS_KEY_ID"] == (made_secrets / "s3_access_key").read_text()
+        assert scheduler_from(read) == values[DASK]
+        assert scheduler_from({**read, DASK: filled_in(helping["environment"][DASK], known_variables())}) == ""
+    homes = [
+        {volume.split(":")[0] for volume in one["volumes"] if volume.endswith(":/data")}
+        for one in (services[HELPER], first)
+    ]
+    assert homes[0] and homes[0].isdisjoint(homes[1])
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +211,7 @@ def test_secrets_are_files_alone(services: dict[str, Any], made_secrets: Path) -
 def test_our_image_runs_as_a_user_without_rights_and_holds_what_it_copies(services: dict[str, Any]) -> None:
     lines = (ROOT / "infra" / "Dockerfile").read_text().splitlines()
     assert "USER aug3d" in lines[-5:]
-    for name in OURS:
+    for name in (*OURS, *OF_DASK):
         assert services[name]["cap_drop"] == ["ALL"]
         assert services[name]["image"].startswith(f"aug3d:{__version__}-")
     copied = [path for line in lines if line.startswith("COPY") for path in line.split()[1:-1]]
