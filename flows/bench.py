@@ -174,7 +174,7 @@ def bench_machines(
         bool,
         typer.Option(
             "--workers",
-            help="Also make small towns with one worker and two, kill one, and let their store go away (about 40 minutes).",
+            help="Also make small towns with one worker and two, kill them, and let their store go away (about 80 minutes).",
         ),
     ] = False,
     set_: Set = [],

@@ -9,8 +9,10 @@ import os
 import shutil
 import time
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import psutil
@@ -18,6 +20,7 @@ import psutil
 from aug3d_core.bench.figure import Figure, at_least, at_most
 from aug3d_core.bench.team import Team, TeamFailed, team
 from aug3d_core.depth.files import RAW
+from aug3d_core.factory.stages import FROM_TOWN
 from aug3d_core.run.files import FILES, JOB, LOG
 from aug3d_core.store import layout
 from aug3d_core.studies.common.trial import Say
@@ -59,6 +62,18 @@ class Takeover:
     seconds: float
     whole: int
     lost: int
+    run: dict[str, Any]
+    made: Counter[str]
+
+
+@dataclass(frozen=True)
+class Kills:
+    """What came of a town whose worker was killed once in each stage.
+
+    seconds: by stage, from the kill until another worker has a process for a stage of the town.
+    """
+
+    seconds: dict[str, float]
     run: dict[str, Any]
     made: Counter[str]
 
@@ -127,7 +142,18 @@ def outage_figures(folder: Path, say: Say) -> dict[str, Figure]:
     }
 
 
-PARTS = (batch_figures, takeover_figures, outage_figures)
+def kill_figures(folder: Path, say: Say) -> dict[str, Figure]:
+    """Kill the worker of a town once in each of its stages, as soon as that is seen; each time a machine with nothing joins."""
+    found = kills(folder / "kills", say)
+    return {
+        "stages_killed_in": at_least(len(FROM_TOWN), len(found.seconds), "stages"),
+        "slowest_takeover_seconds": at_most(_TAKEOVER_S, max(found.seconds.values()), "s"),
+        "median_takeover_seconds": Figure(median(found.seconds.values()), "s"),
+        "made_twice_after_kills": at_most(0.0, made_twice(found.made), "objects"),
+    }
+
+
+PARTS = (batch_figures, takeover_figures, kill_figures, outage_figures)
 
 
 def made_twice(made: Counter[str]) -> int:
@@ -182,6 +208,50 @@ def takeover(folder: Path, stage: str, say: Say, whole: int = 0) -> Takeover:
         say("kill -9", 2, 3, f"{other} is at {stage}")
         _check(members, members.end_of(run, _HOUR_S))
         return Takeover(victim, seconds, len(there), len(there - got), members.scenes()["town"], members.made())
+
+
+def kills(folder: Path, say: Say, stages: Collection[str] = tuple(stage.name for stage in FROM_TOWN)) -> Kills:
+    """Make a town, and kill whatever worker is first seen at each stage; raises TeamFailed if no other goes on."""
+    cores, seconds = sorted(os.sched_getaffinity(0)), dict[str, float]()
+    with team(_empty(folder), {"town": {}}, ()) as members:
+        core_of = {f"worker{place}": cores[place % len(cores)] for place in range(2)}
+        for name, core in core_of.items():
+            members.join(name, core)
+        run = members.start("town")
+        while found := _next_at(members, run, {*stages} - seconds.keys()):
+            victim, stage = found
+            members.kill(victim)
+            killed = time.monotonic()
+            members.wait(lambda: _goes_on(members), 300, f"another worker goes on after {stage}", every_s=0.2)
+            seconds[stage] = time.monotonic() - killed
+            say("kill -9", len(seconds), len(stages), f"stages; the last: {stage}")
+            core_of[name := f"worker{len(core_of)}"] = core_of[victim]
+            members.join(name, core_of[name])
+        _check(members, members.end_of(run, _HOUR_S))
+        return Kills(seconds, members.scenes()["town"], members.made())
+
+
+def _next_at(members: Team, run: str, stages: Collection[str]) -> tuple[str, str] | None:
+    """Wait until a worker makes the town at one of these stages, and return both; None if the run ends before.
+
+    Who only helps at the stage is not meant.
+    """
+    found: list[tuple[str, str]] = []
+
+    def so() -> bool:
+        maker = members.worker_of("town")
+        found[:] = (
+            [(maker, stage) for stage in members.stages(maker) if stage in stages] if maker in members.workers else []
+        )
+        return bool(found) or members.run(run)["end_time"] is not None
+
+    members.wait(so, _HOUR_S, "the town is made", every_s=0.2)
+    return found[0] if found else None
+
+
+def _goes_on(members: Team) -> bool:
+    maker = members.worker_of("town")
+    return maker in members.workers and bool(members.stages(maker))
 
 
 def outage(folder: Path, away_s: float, say: Say) -> Outage:

@@ -72,6 +72,17 @@ def test_a_takeover_and_an_outage_are_held_to_their_goals(tmp_path: Path, monkey
     assert found["takeover_seconds"].holds and not found["lost_after_kill_shards"].holds
 
 
+def test_each_stage_is_to_be_killed_in_and_the_slowest_takeover_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seconds = {"town": 80.0, "photos": 121.0, "sfm": 82.0}
+    monkeypatch.setattr(workers, "kills", lambda *_: workers.Kills(seconds, {}, Counter({"town a": 1})))
+    found = workers.kill_figures(tmp_path, say)
+    assert found["slowest_takeover_seconds"] == Figure(121.0, "s", 120.0, False)
+    assert found["median_takeover_seconds"].value == 82.0
+    assert found["stages_killed_in"].value == 3 and not found["stages_killed_in"].holds
+
+
 @pytest.mark.parametrize("asked", [[], ["--workers"]])
 def test_workers_are_measured_where_that_is_asked_for(
     asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
