@@ -21,15 +21,13 @@ from flows.pool import (
     begin,
     machine,
     make_queue,
-    watch_cancelled,
-    watch_leases,
     work_until_ended,
 )
 from flows.services import tell_ready
 from flows.serving import queues_from
 from flows.settings import home
-from flows.stranded import watch_stranded
 from flows.takeover import take_over
+from flows.watched_runs import watch_runs
 from flows.worker import tell_mlflow
 
 
@@ -48,8 +46,7 @@ async def _work(store: Store, bucket: Bucket) -> None:
     worker = PoolWorker(store, queues, RUNS_AT_ONCE, own=True, before=begin_with)
     tell_ready(store.root)
     print(f"{worker.name} takes runs", flush=True)
-    watches = watch_cancelled(store), watch_leases(store), watch_stranded(store, (worker,))
-    await work_until_ended(worker.start(), tell_mlflow(store), *watches)
+    await work_until_ended(worker.start(), tell_mlflow(store), watch_runs(store, (worker,)))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.files import REGISTRY
 from aug3d_core.store.store import Store
 from flows.serving import CPU, GPU
-from flows.takeover import end_cancelled, in_thread, lease_of, put_back, take_over_from_others
+from flows.takeover import in_thread, lease_of, put_back
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
@@ -190,22 +190,6 @@ def begin(home: Path) -> Store:
 
         os.environ[OWNER] = secrets.token_hex(8)
     return store
-
-
-async def watch_leases(store: Store) -> None:
-    """Take over, again and again, what workers of other machines left when they died."""
-    if store.shared is None:
-        await asyncio.Event().wait()
-        return
-    from aug3d_core.store.lease import Watch
-
-    watch = Watch(store.shared.bucket)
-    await again_and_again(lambda client: take_over_from_others(client, store, watch))
-
-
-async def watch_cancelled(store: Store) -> None:
-    """End, again and again, the runs of this worker that were cancelled unheard."""
-    await again_and_again(lambda client: end_cancelled(client, store))
 
 
 async def again_and_again(look: Callable[[PrefectClient], Awaitable[None]]) -> None:

@@ -27,7 +27,7 @@ from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
 from flows.pool import ONLINE, POOL, WORKER, machine_of, queues_of
 from flows.settings import SCENE
-from flows.takeover import AT_WORK, PAGE, on_all_pages, our_runs
+from flows.takeover import AT_WORK, on_all_pages, our_runs
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import Worker
@@ -43,7 +43,7 @@ async def pool_facts(store: Store) -> dict[str, Any]:
     async with get_client() as client:
         try:
             workers = await on_all_pages(
-                lambda offset: client.read_workers_for_work_pool(POOL, offset=offset, limit=PAGE)
+                lambda offset, limit: client.read_workers_for_work_pool(POOL, offset=offset, limit=limit)
             )
         except ObjectNotFound:  # nothing of aug3d has ever worked there
             workers = []

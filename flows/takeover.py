@@ -67,13 +67,13 @@ async def take_over(client: PrefectClient, store: Store) -> None:
             await _end(client, run)
 
 
-async def take_over_from_others(client: PrefectClient, store: Store, watch: Watch) -> None:
-    """Look at the leases of all runs that workers execute, and put back in line what nobody has worked on for long."""
-    runs = {lease_of(run.id): run for run in await our_runs(client, store, *AT_WORK) if run.deployment_id}
-    for name in await asyncio.to_thread(watch.dead, list(runs)):
+async def take_over_from_others(client: PrefectClient, watch: Watch, runs: Sequence[FlowRun]) -> None:
+    """Look at the leases of the runs at work that workers execute; put back in line what nobody has worked on for long."""
+    leased = {lease_of(run.id): run for run in runs if run.deployment_id}
+    for name in await asyncio.to_thread(watch.dead, list(leased)):
         async with in_thread(watch.taking_over(name)) as ours:
-            now = await client.read_flow_run(runs[name].id)
-            if ours and now.state_id == runs[name].state_id:  # and it has not ended meanwhile
+            now = await client.read_flow_run(leased[name].id)
+            if ours and now.state_id == leased[name].state_id:  # and it has not ended meanwhile
                 await _end(client, now)
 
 
@@ -107,13 +107,17 @@ async def _end(client: PrefectClient, run: FlowRun, why: str = _ENDED) -> None:
     await client.set_flow_run_state(run.id, state, force=True)
 
 
-async def end_cancelled(client: PrefectClient, store: Store) -> None:
-    """End what Prefect's own worker should have: it no longer hears of cancelling once Prefect was away for some seconds.
+async def end_cancelled(client: PrefectClient, store: Store, runs: Sequence[FlowRun]) -> None:
+    """End those being cancelled, of the runs at work, which Prefect's own worker should have ended.
+
+    It no longer hears of cancelling once Prefect was away for some seconds.
 
     A run without a process here may have one on another machine, whose worker does the same.
     """
-    for run in await our_runs(client, store, StateType.CANCELLING):
-        if run.state and run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
+    for run in runs:
+        if run.state_type != StateType.CANCELLING or not run.state:
+            continue
+        if run.state.timestamp > datetime.now(UTC) - timedelta(seconds=CANCELLED_WITHIN_S):
             continue
         killed = False
         for child in psutil.Process().children():
@@ -131,7 +135,7 @@ async def cancel_started(client: PrefectClient, flow_run_id: UUID) -> None:
     parent = FlowRunFilterParentFlowRunId(any_=[flow_run_id])
     started = FlowRunFilter(parent_flow_run_id=parent, state=unfinished())
     for part in await on_all_pages(
-        lambda offset: client.read_flow_runs(flow_run_filter=started, limit=PAGE, offset=offset)
+        lambda offset, limit: client.read_flow_runs(flow_run_filter=started, limit=limit, offset=offset)
     ):
         if part.deployment_id:
             at_work = part.state_type in AT_WORK
@@ -177,8 +181,8 @@ async def our_runs(client: PrefectClient, store: Store, *states: StateType, due:
         latest = DateTime.now("UTC") - timedelta(seconds=_DUE_S)
         chosen.expected_start_time = FlowRunFilterExpectedStartTime(before_=latest)
     found = await on_all_pages(
-        lambda offset: client.read_flow_runs(
-            flow_run_filter=chosen, sort=FlowRunSort.ID_DESC, limit=PAGE, offset=offset
+        lambda offset, limit: client.read_flow_runs(
+            flow_run_filter=chosen, sort=FlowRunSort.ID_DESC, limit=limit, offset=offset
         )
     )
     return [run for run in found if run.parameters.get("home", str(store.root)) == str(store.root)]
@@ -188,12 +192,14 @@ def _in_state(*states: StateType) -> FlowRunFilterState:
     return FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))
 
 
-async def on_all_pages(page: Callable[[int], Awaitable[Sequence[T]]]) -> list[T]:
-    """Return what lies on all pages; `page(offset)` returns what follows the first so many."""
+async def on_all_pages(page: Callable[[int, int], Awaitable[Sequence[T]]]) -> list[T]:
+    """Return what lies on all pages; `page(offset, limit)` returns at most so many of what follows."""
     found: list[T] = []
-    while more := await page(len(found)):
+    while True:
+        more = await page(len(found), PAGE)
         found += more
-    return found
+        if len(more) < PAGE:
+            return found
 
 
 @asynccontextmanager

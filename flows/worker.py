@@ -35,15 +35,13 @@ from flows.pool import (
     machine,
     make_pool,
     make_queue,
-    watch_cancelled,
-    watch_leases,
     work_until_ended,
 )
 from flows.services import tell_ready
 from flows.serving import queues_from
 from flows.settings import COLLECTION, OURS, SCENE, home
-from flows.stranded import watch_stranded
-from flows.takeover import PAGE, on_all_pages, one_of_the_missed, take_over
+from flows.takeover import on_all_pages, one_of_the_missed, take_over
+from flows.watched_runs import watch_runs
 from tasks.mlflow_outbox import waiting
 from tasks.tracking import flush
 
@@ -74,8 +72,7 @@ async def _work(store: Store) -> None:
         PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE, own=True),
         PoolWorker(store, (BATCH, PHOTOGRAPHS), 2),  # one batch at a time, by its deployment
     )
-    watches = watch_cancelled(store), watch_leases(store), watch_stranded(store, workers)
-    services = _watch_registry(store, known), tell_mlflow(store), *watches
+    services = _watch_registry(store, known), tell_mlflow(store), watch_runs(store, workers)
     await work_until_ended(*services, *(worker.start() for worker in workers))
 
 
@@ -132,8 +129,8 @@ async def _remove(tag: str, names: Collection[str]) -> None:
     tagged = DeploymentFilter(tags=DeploymentFilterTags(all_=[OURS, tag]))
     async with get_client() as client:
         for deployment in await on_all_pages(
-            lambda offset: client.read_deployments(
-                deployment_filter=tagged, sort=DeploymentSort.NAME_ASC, limit=PAGE, offset=offset
+            lambda offset, limit: client.read_deployments(
+                deployment_filter=tagged, sort=DeploymentSort.NAME_ASC, limit=limit, offset=offset
             )
         ):
             if deployment.name not in names:

@@ -77,10 +77,10 @@ async def deployments() -> dict[str, Any]:
 def test_deployments_follow_the_registry(
     store: Store, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from flows import worker
+    from flows import takeover
     from flows.worker import register
 
-    monkeypatch.setattr(worker, "PAGE", 1)
+    monkeypatch.setattr(takeover, "PAGE", 1)
     write_scene(store, "one", scene(schedule=Schedule(cron="0 3 * * 1", timezone="Europe/Warsaw")))
     write_scene(store, "two", scene(settings={"training": {"steps": 77}}, tags=("old",)))
 
@@ -166,6 +166,12 @@ def shared(service: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Buc
     return Bucket(os.environ["AUG3D_STORE"])
 
 
+async def at_work(client: Any, home: Store) -> list[Any]:
+    from flows.takeover import AT_WORK, our_runs
+
+    return await our_runs(client, home, *AT_WORK)
+
+
 def test_runs_that_no_machine_works_on_are_taken_over_once(shared: Bucket, store: Store, tmp_path: Path) -> None:
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelling, Pending, Running
@@ -187,7 +193,7 @@ def test_runs_that_no_machine_works_on_are_taken_over_once(shared: Bucket, store
                 before = [(await client.read_flow_run(made.id)).state.name for made in runs]
                 for _ in range(8):
                     for home, watch in zip(homes, watches, strict=True):
-                        await takeover.take_over_from_others(client, home, watch)
+                        await takeover.take_over_from_others(client, watch, await at_work(client, home))
                     await asyncio.sleep(0.5)
                 after = [(await client.read_flow_run(made.id)).state.name for made in runs]
             told = await client.read_flow_run_states(runs[0].id)
@@ -222,7 +228,7 @@ def test_the_parts_of_a_run_that_is_taken_over_end_with_it(shared: Bucket, store
             inner = await client.create_flow_run(part, parent_task_run_id=step.id, state=Running(), tags=["aug3d"])
             watch = Watch(shared)
             for _ in range(8):
-                await takeover.take_over_from_others(client, store, watch)
+                await takeover.take_over_from_others(client, watch, await at_work(client, store))
                 await asyncio.sleep(0.5)
             return [(await client.read_flow_run(each)).state.name for each in (made.id, inner.id)]
 
@@ -241,7 +247,7 @@ def test_a_run_that_is_not_cancelled_in_time_is_ended(store: Store, monkeypatch:
 
     async def state_and_process() -> tuple[str, int | None]:
         async with get_client() as client:
-            await takeover.end_cancelled(client, store)
+            await takeover.end_cancelled(client, store, await at_work(client, store))
             return (await client.read_flow_run(made.id)).state.name, process.poll()
 
     async def make() -> Any:
@@ -275,7 +281,7 @@ def test_a_run_that_another_machine_cancels_is_left_to_it(
     async def state() -> str:
         async with get_client() as client:
             made = await client.create_flow_run(nothing, state=Cancelling(), tags=["aug3d"])
-            await takeover.end_cancelled(client, store)
+            await takeover.end_cancelled(client, store, await at_work(client, store))
             return (await client.read_flow_run(made.id)).state.name
 
     monkeypatch.setattr(takeover, "CANCELLED_WITHIN_S", 0.0)
@@ -324,7 +330,7 @@ def test_the_machine_of_the_pages_takes_what_it_is_asked_for_by_name(
         """Watch nothing."""
 
     monkeypatch.setattr(worker, "work_until_ended", nothing)
-    monkeypatch.setattr(worker, "watch_stranded", lambda _, workers: began.extend(workers) or watched())
+    monkeypatch.setattr(worker, "watch_runs", lambda _, workers: began.extend(workers) or watched())
     monkeypatch.setattr(worker, "tell_ready", lambda home: None)
     run(worker._work(store))
 
@@ -439,12 +445,12 @@ def test_a_run_that_its_worker_has_lost_is_put_back(store: Store, monkeypatch: p
     from prefect.client.orchestration import get_client
     from prefect.states import Pending, Running
 
-    from flows import stranded
+    from flows import watched_runs
     from flows.deployments import of_scene
     from flows.pool import HOME, WORKER, PoolWorker
     from tasks.run_locks import run_lock
 
-    monkeypatch.setattr(stranded, "STRANDED_S", 0.5)
+    monkeypatch.setattr(watched_runs, "STRANDED_S", 0.5)
     worker = PoolWorker(store, (HOME,), 1)
 
     async def states() -> list[list[str]]:
@@ -462,10 +468,10 @@ def test_a_run_that_its_worker_has_lost_is_put_back(store: Store, monkeypatch: p
             for name, each in runs.items():
                 await client.update_flow_run_labels(each, {WORKER: "box (home)" if "another" in name else worker.name})
             worker.executed.add(runs["executed"])
-            seen, watch = [], stranded.Stranded(store, (worker,))
+            seen, watch = [], watched_runs.Stranded(store, (worker,))
             with run_lock(store.root, str(runs["has a process"])):
                 for _ in range(2):
-                    await watch.look(client)
+                    await watch.look(client, await at_work(client, store))
                     found = {name: await client.read_flow_run(each) for name, each in runs.items()}
                     seen.append([name for name, each in found.items() if each.state.name == "AwaitingRetry"])
                     await asyncio.sleep(0.6)
