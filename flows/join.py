@@ -21,11 +21,12 @@ from aug3d_core.store.store import Store
 from flows.guard import USER
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
-from flows.services import ASKING, TOLD, ready_file
+from flows.services import TOLD, ready_file
 from flows.serving import PASSWORD, QUEUE, secrets_read
 from flows.settings import HOME, local_environment
 from tasks.ping import unreachable
 
+ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "5"}  # an answer costs the server, which all machines share, 50 ms of a processor
 _API, _AUTH, _MLFLOW = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "MLFLOW_TRACKING_URI"
 
 
