@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -92,21 +93,6 @@ def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_j
         return Measurement(figures)
 
     _bench("views", home, preset, set_, as_json, measure)
-
-
-@bench.command("nerf")
-def bench_nerf(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """PixelNeRF: its speed against its plain version, and its quality on the town.
-
-    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
-    """
-
-    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import nerf
-
-        return Measurement(nerf.figures(store, scene, say))
-
-    _bench("nerf", home, preset, set_, as_json, measure)
 
 
 @bench.command("heads")
@@ -203,78 +189,6 @@ def bench_machines(
     _bench("machines", home, preset, set_, as_json, measure)
 
 
-@bench.command("look")
-def bench_look(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """A first look at photographs: seconds, heights against the truth, and what was spoiled on purpose (five minutes).
-
-    Killed half way? Run it again: towns that were made are kept until the benchmark is complete.
-    """
-
-    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import look
-
-        return Measurement(look.figures(store, scene, say))
-
-    _bench("look", home, preset, set_, as_json, measure)
-
-
-@bench.command("advice")
-def bench_advice(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """What advice is worth: 20 photographs by it, in lines and at random, on three towns with a gap (an hour).
-
-    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
-    """
-
-    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import advice
-
-        return Measurement(advice.figures(store, scene, say))
-
-    _bench("advice", home, preset, set_, as_json, measure)
-
-
-@bench.command("view")
-def bench_view(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """How many views a second `aug3d view` predicts, and how soon the first is there (the demo's time)."""
-
-    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import view
-
-        return Measurement(view.figures(store, scene, say))
-
-    _bench("view", home, preset, set_, as_json, measure)
-
-
-@bench.command("gpu")
-def bench_gpu(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """Training and views on a CUDA GPU, beside the same on this machine's cores (the demo's time, and five minutes).
-
-    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
-    """
-
-    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import gpu
-
-        return Measurement(gpu.figures(store, scene, say))
-
-    _bench("gpu", home, preset, set_, as_json, measure)
-
-
-@bench.command("tiles")
-def bench_tiles(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
-    """The town's fusion and surface in 1, 4 and 16 tiles of ground: accuracy, borders, and memory (twice the demo's time).
-
-    Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
-    """
-
-    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
-        from aug3d_core.bench import tiles
-
-        return Measurement(tiles.figures(store, scene, say))
-
-    _bench("tiles", home, preset, set_, as_json, measure)
-
-
 @bench.command("scale")
 def bench_scale(
     home: Home = HOME,
@@ -317,6 +231,32 @@ def bench_spoiled(
         return Measurement(spoiled_flights.figures(store, scene, say, photos))
 
     _bench("spoiled", home, preset, set_, as_json, measure)
+
+
+_PLAIN = {
+    "nerf": "PixelNeRF: its speed against its plain version, and its quality on the town.",
+    "look": "A first look at photographs: seconds, heights against the truth, and what was spoiled on purpose (five minutes).",
+    "advice": "What advice is worth: 20 photographs by it, in lines and at random, on three towns with a gap (an hour).",
+    "view": "How many views a second `aug3d view` predicts, and how soon the first is there (the demo's time).",
+    "gpu": "Training and views on a CUDA GPU, beside the same on this machine's cores (the demo's time, and five minutes).",
+    "tiles": "The town's fusion and surface in 1, 4 and 16 tiles of ground: accuracy, borders, memory (twice the demo's time).",
+}
+_KEPT = "Killed half way? Run it again: what was made is kept until the benchmark is complete."
+
+
+def _plain(name: str, told: str) -> None:
+    """Make a command of a module of `aug3d_core.bench` that asks for nothing but what all ask for."""
+
+    def measure(store: Store, scene: Measured, say: Say, console: Console) -> Measurement:
+        return Measurement(import_module(f"aug3d_core.bench.{name}").figures(store, scene, say))
+
+    @bench.command(name, help=f"{told}\n\n{_KEPT}")
+    def measured(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+        _bench(name, home, preset, set_, as_json, measure)
+
+
+for _name, _told in _PLAIN.items():
+    _plain(_name, _told)
 
 
 def _bench(

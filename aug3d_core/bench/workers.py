@@ -222,11 +222,11 @@ def kills(folder: Path, say: Say, stages: Collection[str] = tuple(stage.name for
             victim, stage = found
             members.kill(victim)
             killed = time.monotonic()
+            core_of[name := f"worker{len(core_of)}"] = core_of[victim]
+            members.join(name, core_of[name])  # long before a takeover: the next stages may be short
             members.wait(lambda: _goes_on(members), 300, f"another worker goes on after {stage}", every_s=0.2)
             seconds[stage] = time.monotonic() - killed
             say("kill -9", len(seconds), len(stages), f"stages; the last: {stage}")
-            core_of[name := f"worker{len(core_of)}"] = core_of[victim]
-            members.join(name, core_of[name])
         _check(members, members.end_of(run, _HOUR_S))
         return Kills(seconds, members.scenes()["town"], members.made())
 
