@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.made import make_data
@@ -31,11 +31,13 @@ from aug3d_core.studies.paper.findings import findings as paper_findings
 from aug3d_core.studies.paper.grouping import grouping_table
 from aug3d_core.studies.paper.scene import open_finished
 from aug3d_core.studies.paper.tables import make_table
+from aug3d_core.studies.stability.catalogue import cells_of as stability_cells
+from aug3d_core.studies.stability.catalogue import chosen, size_of
+from aug3d_core.studies.stability.cell import make_cell as make_stability
+from aug3d_core.studies.stability.findings import StabilityFindings
+from aug3d_core.studies.stability.findings import findings as stability_findings
 from aug3d_core.studies.tradeoff.scene import open_studied
 from aug3d_core.studies.tradeoff.study import TradeoffFindings, study_scene
-
-if TYPE_CHECKING:
-    from aug3d_core.studies.stability.findings import StabilityFindings
 
 FoundT = TypeVar("FoundT")
 _TABLES = {"grouping": grouping_table, "augmentation": augmentation_table}
@@ -95,17 +97,12 @@ def tradeoff(
 
 def stability(store: Store, only: Sequence[str], seeds: int, quick: bool) -> Prepared[StabilityFindings]:
     """Prepare the study of where methods break; raises an error for words that no perturbation begins with."""
-    # Its methods bring Open3D, which the other studies do without
-    from aug3d_core.studies.stability.catalogue import cells_of, chosen, size_of
-    from aug3d_core.studies.stability.cell import make_cell
-    from aug3d_core.studies.stability.findings import findings
-
     runs = 1 if quick else seeds
-    cells = cells_of(chosen(only, quick), runs, quick)
+    cells = stability_cells(chosen(only, quick), runs, quick)
 
     def carry_out(make: Make, done: Done[Any], machine: str) -> StabilityFindings:
-        results = make_cells(store, cells, lambda cell: make_cell(store, cell, make), done)
-        return findings(size_of(only, quick), runs, machine, results)
+        results = make_cells(store, cells, lambda cell: make_stability(store, cell, make), done)
+        return stability_findings(size_of(only, quick), runs, machine, results)
 
     return Prepared(len(cells), carry_out)
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import aug3d_core.studies.stability.catalogue  # noqa: F401  (a study brings Open3D with it: tests/processes.py must see it)
 from aug3d_core.factory.scheduler import DASK, worker_count
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store.store import Store
