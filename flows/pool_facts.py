@@ -27,7 +27,7 @@ from aug3d_core.store.scenes import last_version
 from aug3d_core.store.store import Store
 from flows.pool import ONLINE, POOL, WORKER, machine_of, queues_of
 from flows.settings import SCENE
-from flows.takeover import AT_WORK, on_all_pages, our_runs
+from flows.takeover import AT_WORK, PAGE, on_all_pages, our_runs
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import Worker
