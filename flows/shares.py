@@ -8,8 +8,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from contextvars import copy_context
-from threading import Event, Thread
+from threading import Event
 from typing import Any
 from uuid import UUID
 
@@ -24,6 +23,7 @@ from prefect.utilities.callables import get_call_parameters
 
 from aug3d_core.factory.build import Built
 from aug3d_core.factory.walk import Make, Visit
+from aug3d_core.run.beside import beside
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.store import Store
 from flows.pool import BATCH, ONLINE, POOL, WORKER, machine, machine_of, queues_of
@@ -65,22 +65,19 @@ def with_help(store: Store, make: Make) -> Make:
 @contextmanager
 def _asking_the_idle(store: Store, step: str, key: str) -> Iterator[None]:
     """Ask machines that have nothing to do for help with a step, again and again while the block runs."""
-    run, over, asked = str(flow_run.id), Event(), set[str]()
+    run, asked = str(flow_run.id), set[str]()
 
-    def ask() -> None:
+    def ask(over: Event) -> None:
         while not over.wait(ASK_EVERY_S):
             with suppress(HTTPError):  # Prefect is away: the work goes on without help
                 for other in asyncio.run(_idle(store)):
                     _begin(HELP, other, {"run": run, "step": step, "key": key}, f"{run} {step} {other}")
                     asked.add(other)
 
-    asking = Thread(target=copy_context().run, args=(ask,), daemon=True)
-    asking.start()
     try:
-        yield
+        with beside(ask):
+            yield
     finally:
-        over.set()
-        asking.join()
         if asked:
             asyncio.run(cancel_all_started(UUID(run)))  # all shards are there
 

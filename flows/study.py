@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from aug3d_core.factory.config import PRESETS
+from aug3d_core.factory.scheduler import scheduler_from
 from aug3d_core.run.limits import limits_from
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
@@ -26,10 +27,10 @@ from flows.server import prefect_server
 from flows.settings import apply_local_environment
 
 if TYPE_CHECKING:
-    from aug3d_core.factory.walk import Make, Visit
+    from aug3d_core.factory.walk import Visit
     from aug3d_core.studies.common.cell import Result
     from aug3d_core.studies.common.publication import Publication
-    from aug3d_core.studies.paper.arm import PaperTable
+    from aug3d_core.studies.named import Asked, Prepared
     from aug3d_core.studies.paper.cell import PaperResult
     from aug3d_core.studies.paper.findings import PaperFindings
 
@@ -71,9 +72,7 @@ def study_grouping(
 
     Killed half way? Run it again: outputs in the store are reused.
     """
-    from aug3d_core.studies.paper.grouping import grouping_table
-
-    _study(grouping_table, scene, home, preset, set_, seeds, quick, as_json)
+    _study("grouping", scene, home, preset, set_, seeds, quick, as_json)
 
 
 @study.command("augmentation")
@@ -90,13 +89,11 @@ def study_augmentation(
 
     Killed half way? Run it again: outputs in the store are reused.
     """
-    from aug3d_core.studies.paper.augmentation import augmentation_table
-
-    _study(augmentation_table, scene, home, preset, set_, seeds, quick, as_json)
+    _study("augmentation", scene, home, preset, set_, seeds, quick, as_json)
 
 
 def _study(
-    table_of: Callable[[bool], PaperTable],
+    table: str,
     scene: str,
     home: Path,
     preset: str | None,
@@ -105,25 +102,21 @@ def _study(
     quick: bool,
     as_json: bool,
 ) -> None:
-    from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.studies.paper.arm import fitting
-    from aug3d_core.studies.paper.effort import repeats, study_effort
-    from aug3d_core.studies.paper.findings import findings
+    from aug3d_core.studies.named import Asked
     from aug3d_core.studies.paper.page import publication
-    from aug3d_core.studies.paper.scene import open_finished
-    from aug3d_core.studies.paper.tables import make_table
 
     with typed_errors(as_json, home), using(home) as store:
-        opened = study_effort(open_finished(store, scene, preset), quick, overrides)
-        table, runs, console = fitting(table_of(quick), opened.settings), repeats(seeds, quick), Console(stderr=True)
-        watch = Watch(console, len(table.arms) * runs * opened.folds, _outcome)
-        results = carry_out(
-            store,
-            f"{table.name} of {scene}",
-            watch,
-            lambda make: make_table(store, table, opened, runs, make, watch.done),
-        )
-        found = findings(table, opened, runs, results, describe_machine())
+        console = Console(stderr=True)
+        given = {
+            "study": table,
+            "scene": scene,
+            "seeds": seeds,
+            "quick": quick,
+            "preset": preset,
+            "overrides": overrides,
+        }
+        asked = Asked(name="paper", given=given)
+        found = carry_out(store, f"{table} of {scene}", asked, asked.prepared(store), console, _outcome)
         published = publication(found)
         folder = publish(store, console, published)
         if as_json:
@@ -147,17 +140,26 @@ def using(home: Path) -> Iterator[Store]:
         yield store
 
 
-def carry_out(store: Store, name: str, watch: Watch, study: Callable[[Make], FoundT]) -> FoundT:
-    """Run a study within a flow, and show how far it is."""
+def carry_out(
+    store: Store,
+    name: str,
+    asked: Asked,
+    prepared: Prepared[FoundT],
+    console: Console,
+    outcome: Callable[[Any], str],
+) -> FoundT:
+    """Carry a study out within a flow, and show how far it is. outcome: a result in a few words."""
     limits_from(os.environ)  # a wrong one is told before anything is started
+    scheduler_from(os.environ)
     check_servers()
     apply_local_environment(store.root)
+    watch = _Watch(console, prepared.cells, outcome)
     with prefect_server(store.root) as wait_until_ready:
         from flows.study_run import as_flow  # Prefect and MLflow read their settings when they are imported
 
         wait_until_ready()
         with watch:
-            return as_flow(store, name, watch, study)
+            return as_flow(store, name, watch, asked, prepared, watch.done)
 
 
 def publish(store: Store, console: Console, study: Publication) -> Path:
@@ -185,11 +187,11 @@ def widen(console: Console) -> None:
         console.width = max(console.width, _WIDTH)
 
 
-class Watch:
+class _Watch:
     """A progress listener for studies: a bar on a terminal, a line for each cell elsewhere."""
 
-    def __init__(self, console: Console, cells: int, outcome: Callable[[Any], str]) -> None:
-        """Prepare a bar for a number of cells. outcome: a result in a few words."""
+    def __init__(self, console: Console, cells: int | None, outcome: Callable[[Any], str]) -> None:
+        """Prepare a bar for a number of cells, None if nobody knows it yet. outcome: a result in a few words."""
         self._console, self._outcome = console, outcome
         self._bar = Progress(
             TextColumn("run {task.completed:.0f} of {task.total:.0f}"),
@@ -201,9 +203,9 @@ class Watch:
             console=console,
             disable=not console.is_terminal,
         )
-        self._row = self._bar.add_task("", total=cells, what="")
+        self._row = self._bar.add_task("", total=cells or 1, what="")
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> _Watch:
         """Begin to draw."""
         self._bar.start()
         return self

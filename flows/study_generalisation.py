@@ -10,10 +10,9 @@ from rich.console import Console
 from rich.table import Table
 
 from flows.refusal import typed_errors
-from flows.study import HOME, AsJson, Home, Seeds, Watch, carry_out, print_folder, publish, using, widen
+from flows.study import HOME, AsJson, Home, Seeds, carry_out, print_folder, publish, using, widen
 
 if TYPE_CHECKING:
-    from aug3d_core.factory.walk import Make
     from aug3d_core.studies.generalisation.cells import Generalised
     from aug3d_core.studies.generalisation.findings import GeneralisationFindings
 
@@ -29,35 +28,14 @@ def study_generalisation(
 
     Killed half way? Run it again: outputs in the store are reused. Exit code 3: some runs failed.
     """
-    from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.collections.files import COLLECTIONS
-    from aug3d_core.collections.made import make_data
-    from aug3d_core.heads.config import names
-    from aug3d_core.run.errors import UsageError
-    from aug3d_core.scene_files import read_each
-    from aug3d_core.studies.common.cell import make_cells
-    from aug3d_core.studies.generalisation.cells import cells_of, make_cell
-    from aug3d_core.studies.generalisation.findings import findings
     from aug3d_core.studies.generalisation.page import publication
+    from aug3d_core.studies.named import Asked
 
     with typed_errors(as_json, home), using(home) as store:
-        entry = COLLECTIONS.read(store, collection)
-        if unknown := [name for name in head if name not in names()]:
-            raise UsageError(f"there is no head {unknown[0]!r}", f"choose of {', '.join(names())}")
-        if not (entry.train or entry.hold_out):
-            raise UsageError(
-                f"collection {collection!r} has no scene to leave out", "name some under train or hold_out"
-            )
-        cells = cells_of(entry, tuple(head) or names(), seeds)
-        console = Console(stderr=True)
-        watch = Watch(console, len(cells), _outcome)
-
-        def study(make: Make) -> list[Generalised]:
-            made = make_data(store, entry, read_each(store), lambda of: make)
-            return make_cells(store, cells, lambda cell: make_cell(store, entry, made, cell, make), watch.done)
-
-        results = carry_out(store, f"generalisation of {collection}", watch, study)
-        found = findings(collection, seeds, describe_machine(), results)
+        given = {"collection": collection, "head": head, "seeds": seeds}
+        console, asked = Console(stderr=True), Asked(name="generalisation", given=given)
+        title = f"generalisation of {collection}"
+        found = carry_out(store, title, asked, asked.prepared(store), console, _outcome)
         published = publication(found)
         folder = publish(store, console, published)
         if as_json:

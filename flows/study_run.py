@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Annotated, Any, Literal, TypeVar
 from uuid import UUID
 
-from prefect import flow
+from prefect import Flow, flow
 from prefect.client.schemas.objects import State
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
@@ -20,29 +20,16 @@ from pydantic import Field
 from aug3d_core.bench.machine import describe_machine
 from aug3d_core.factory.walk import Make
 from aug3d_core.store.store import Store
-from aug3d_core.studies.common.cell import Result, make_cells
+from aug3d_core.studies.common.cell import Done, Result
 from aug3d_core.studies.common.publication import Publication
 from aug3d_core.studies.common.write import write_study
-from aug3d_core.studies.paper.arm import fitting
-from aug3d_core.studies.paper.augmentation import augmentation_table
-from aug3d_core.studies.paper.effort import repeats, study_effort
-from aug3d_core.studies.paper.findings import PaperFindings
-from aug3d_core.studies.paper.findings import findings as paper_findings
-from aug3d_core.studies.paper.grouping import grouping_table
+from aug3d_core.studies.named import Asked, Prepared
 from aug3d_core.studies.paper.page import publication as paper_publication
-from aug3d_core.studies.paper.scene import open_finished
-from aug3d_core.studies.paper.tables import make_table
-from aug3d_core.studies.stability.catalogue import cells_of, chosen, size_of
-from aug3d_core.studies.stability.cell import make_cell
-from aug3d_core.studies.stability.findings import StabilityFindings
-from aug3d_core.studies.stability.findings import findings as stability_findings
 from aug3d_core.studies.stability.page import publication as stability_publication
 from aug3d_core.studies.tradeoff.findings import crashes
 from aug3d_core.studies.tradeoff.page import in_words
 from aug3d_core.studies.tradeoff.page import publication as tradeoff_publication
-from aug3d_core.studies.tradeoff.scene import open_studied
-from aug3d_core.studies.tradeoff.study import MOST_DB, TradeoffFindings
-from aug3d_core.studies.tradeoff.study import study_scene as study_tradeoff
+from aug3d_core.studies.tradeoff.study import MOST_DB
 from flows.settings import home
 from flows.shares import SHARE, parameters_of, shared_out
 from flows.takeover import cancel_parts
@@ -51,18 +38,19 @@ from tasks.progress import Listener, listening, reporter
 from tasks.run_locks import run_lock
 from tasks.studies import log_study, missing_through_prefect
 
-_TABLES = {"grouping": grouping_table, "augmentation": augmentation_table}
 FoundT = TypeVar("FoundT")
 
 
-def as_flow(store: Store, name: str, listener: Listener, study: Callable[[Make], FoundT]) -> FoundT:
-    """Run a study of the command line within a flow; returns what the study returns."""
+def as_flow(
+    store: Store, name: str, listener: Listener, asked: Asked, prepared: Prepared[FoundT], done: Done[Any]
+) -> FoundT:
+    """Run a study of the command line within a flow, and over a Dask cluster if there is one; returns what was found."""
     found: list[FoundT] = []  # the flow itself returns nothing: Prefect would walk through every value
 
     @flow(name="study from the command line", flow_run_name=name)
     def run() -> None:
-        with run_lock(store.root), listening(listener):
-            found.append(study(missing_through_prefect(store)))
+        with run_lock(store.root), listening(listener), asked.over_cluster():
+            found.append(prepared.carry_out(missing_through_prefect(store), done, describe_machine()))
 
     run()
     return found[0]
@@ -76,19 +64,13 @@ def study_scene(
     quick: Annotated[bool, Field(description="A few arms and few steps: takes minutes.")] = False,
 ) -> State:
     """Make and judge a finished scene in several ways, with intervals. Outputs in the store are reused."""
+    asked = Asked(name="paper", given={"study": study, "scene": scene, "seeds": seeds, "quick": quick})
     with _working() as (store, make), shared_out(store):
-        found = _table_found(store, make, study, scene, seeds, quick)
+        found = _found(store, make, asked)
         message = _published(store, paper_publication(found))
     if found.failed:
         return Failed(message=f"{found.failed} of {len(found.results)} runs failed; {message}")
     return Completed(message=f"{len(found.results)} runs; {message}")
-
-
-def _table_found(store: Store, make: Make, study: str, scene: str, seeds: int, quick: bool) -> PaperFindings:
-    opened = study_effort(open_finished(store, scene, None), quick, ())
-    table, runs = fitting(_TABLES[study](quick), opened.settings), repeats(seeds, quick)
-    results = make_table(store, table, opened, runs, make, _done)
-    return paper_findings(table, opened, runs, results, describe_machine())
 
 
 def tradeoff_name() -> str:
@@ -119,7 +101,11 @@ def tradeoff(
     """Chart what every setting of the factory costs and gains. Outputs in the store are reused."""
     messages, crashed = [], 0
     with _working() as (store, make), shared_out(store):
-        for found in _tradeoffs_found(store, make, scenes, seeds, target_db, search, only, quick):
+        studies = _tradeoffs(scenes, seeds=seeds, target_db=target_db, search=search, only=only, quick=quick)
+        for asked in studies:
+            asked.prepared(store)  # a scene that is none is told before anything is made
+        for asked in studies:
+            found = _found(store, make, asked)
             message = _published(store, tradeoff_publication(found, describe_machine()))
             crashed += crashes(found)
             messages.append(f"{found.scene.name}: {in_words(found)} {message}")
@@ -128,18 +114,8 @@ def tradeoff(
     return Completed(message="; ".join(messages))
 
 
-def _tradeoffs_found(
-    store: Store,
-    make: Make,
-    scenes: Sequence[str],
-    seeds: int,
-    target_db: float | None,
-    search: bool,
-    only: Sequence[str],
-    quick: bool,
-) -> Iterator[TradeoffFindings]:
-    for scene in [open_studied(store, name, None) for name in dict.fromkeys(scenes)]:
-        yield study_tradeoff(store, scene, quick, 1 if quick else seeds, target_db, search, make, _done, only)
+def _tradeoffs(scenes: Sequence[str], **given: Any) -> list[Asked]:
+    return [Asked(name="tradeoff", given={"scene": scene, **given}) for scene in dict.fromkeys(scenes)]
 
 
 @flow(name="stability", flow_run_name="where methods break", on_cancellation=[cancel_parts])
@@ -153,19 +129,13 @@ def stability(
     ] = False,
 ) -> State:
     """Find where each method breaks, and whether the factory notices. Outputs in the store are reused."""
+    asked = Asked(name="stability", given={"only": only, "seeds": seeds, "quick": quick})
     with _working() as (store, make), shared_out(store):
-        found = _stability_found(store, make, only, seeds, quick)
+        found = _found(store, make, asked)
         message = _published(store, stability_publication(store, found))
     if found.silent or found.crashes:
         return Failed(message=f"{len(found.silent)} silent failures and {len(found.crashes)} crashes; {message}")
     return Completed(message=f"{len(found.results)} cells, none silent; {message}")
-
-
-def _stability_found(store: Store, make: Make, only: Sequence[str], seeds: int, quick: bool) -> StabilityFindings:
-    runs = 1 if quick else seeds
-    cells = cells_of(chosen(only, quick), runs, quick)
-    results = make_cells(store, cells, lambda cell: make_cell(store, cell, make), _done)
-    return stability_findings(size_of(only, quick), runs, describe_machine(), results)
 
 
 @flow(name=SHARE, flow_run_name="share of {study}")
@@ -173,15 +143,14 @@ def share(study: Annotated[UUID, Field(description="The flow run of the study.")
     """Make cells of a study of another machine: those that nobody is at. The study starts it, and reads what it made."""
     name, given = parameters_of(study, {name: whole for name, (whole, _) in _STUDIES.items()})
     with _working() as (store, make):
-        told = _STUDIES[name][1](store, make, **given)
-        cells = sum(len(one.results) for one in (told if isinstance(told, Iterator) else [told]))
-    return Completed(message=f"all {cells} cells are there")
+        made = [asked.prepared(store).carry_out(make, _done, "").results for asked in _STUDIES[name][1](**given)]
+    return Completed(message=f"all {sum(map(len, made))} cells are there")
 
 
-_STUDIES = {
-    study_scene.name: (study_scene, _table_found),
-    tradeoff.name: (tradeoff, _tradeoffs_found),
-    stability.name: (stability, _stability_found),
+_STUDIES: dict[str, tuple[Flow[..., Any], Callable[..., list[Asked]]]] = {
+    study_scene.name: (study_scene, lambda **given: [Asked(name="paper", given=given)]),
+    tradeoff.name: (tradeoff, _tradeoffs),
+    stability.name: (stability, lambda **given: [Asked(name="stability", given=given)]),
 }
 
 
@@ -191,6 +160,13 @@ def _working() -> Iterator[tuple[Store, Make]]:
     store = Store(home())
     with run_lock(store.root), store.using(), listening(artifacts.PrefectProgress()):
         yield store, missing_through_prefect(store)
+
+
+def _found(store: Store, make: Make, asked: Asked) -> Any:
+    """Make what a study asks for, over a Dask cluster if there is one, and show each cell that is done."""
+    prepared = asked.prepared(store)
+    with asked.over_cluster():
+        return prepared.carry_out(make, _done, describe_machine())
 
 
 def _published(store: Store, study: Publication) -> str:

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from flows.refusal import typed_errors
-from flows.study import HOME, AsJson, Home, Seeds, Watch, carry_out, print_folder, publish, using, widen
+from flows.study import HOME, AsJson, Home, Seeds, carry_out, print_folder, publish, using, widen
 
 if TYPE_CHECKING:
     from aug3d_core.studies.stability.cell import StabilityResult
@@ -35,25 +35,16 @@ def study_stability(
     something crashes. Killed half way? Run it again: outputs in the store are reused.
     """
 
-    from aug3d_core.bench.machine import describe_machine
-    from aug3d_core.studies.common.cell import make_cells
-    from aug3d_core.studies.stability.catalogue import cells_of, chosen, size_of
-    from aug3d_core.studies.stability.cell import make_cell
-    from aug3d_core.studies.stability.findings import findings
+    from aug3d_core.studies.named import Asked
     from aug3d_core.studies.stability.page import publication
 
     with typed_errors(as_json, home):
-        runs, console = 1 if quick else seeds, Console(stderr=True)
-        cells = cells_of(chosen(only, quick), runs, quick)
-        watch = Watch(console, len(cells), _outcome)
+        console, asked = (
+            Console(stderr=True),
+            Asked(name="stability", given={"only": only, "seeds": seeds, "quick": quick}),
+        )
         with using(home) as store:
-            results = carry_out(
-                store,
-                "where methods break",
-                watch,
-                lambda make: make_cells(store, cells, lambda cell: make_cell(store, cell, make), watch.done),
-            )
-            found = findings(size_of(only, quick), runs, describe_machine(), results)
+            found = carry_out(store, "where methods break", asked, asked.prepared(store), console, _outcome)
             published = publication(store, found)
             folder = publish(store, console, published)
         if as_json:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from aug3d_core.factory.config import PRESETS
 from flows.refusal import typed_errors
-from flows.study import HOME, AsJson, Home, Seeds, Set, Watch, carry_out, print_folder, publish, using, widen
+from flows.study import HOME, AsJson, Home, Seeds, Set, carry_out, print_folder, publish, using, widen
 
 if TYPE_CHECKING:
     from aug3d_core.studies.tradeoff.arm import TradeoffResult
@@ -62,27 +62,22 @@ def study_tradeoff(
     """
 
     from aug3d_core.bench.machine import describe_machine
+    from aug3d_core.studies.named import Asked
     from aug3d_core.studies.tradeoff.findings import crashes
     from aug3d_core.studies.tradeoff.page import publication
-    from aug3d_core.studies.tradeoff.scene import open_studied
-    from aug3d_core.studies.tradeoff.study import study_scene
 
     with typed_errors(as_json, home):
         machine, data, crashed, console = describe_machine(), [], 0, Console(stderr=True)
+        given = {
+            "seeds": seeds, "target_db": target_db, "search": search, "only": only, "quick": quick,
+            "preset": preset, "overrides": set_,
+        }  # fmt: skip
         with using(home) as store:
-            opened = [open_studied(store, name, preset).with_settings(set_) for name in dict.fromkeys(scenes)]
-            for scene in opened:
-                scene.config()  # a wrong setting is reported before anything is made
-            for scene in opened:
-                watch = Watch(console, 1, _outcome)
-                found = carry_out(
-                    store,
-                    f"speed against accuracy of {scene.name}",
-                    watch,
-                    lambda make, scene=scene, watch=watch: study_scene(
-                        store, scene, quick, 1 if quick else seeds, target_db, search, make, watch.done, only
-                    ),
-                )
+            studies = [Asked(name="tradeoff", given={"scene": scene, **given}) for scene in dict.fromkeys(scenes)]
+            # A wrong setting is reported before anything is made
+            for asked, prepared in [(asked, asked.prepared(store)) for asked in studies]:
+                title = f"speed against accuracy of {asked.given['scene']}"
+                found = carry_out(store, title, asked, prepared, console, _outcome)
                 published = publication(found, machine)
                 folder = publish(store, console, published)
                 crashed += crashes(found)

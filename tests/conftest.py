@@ -18,7 +18,7 @@ from jaxtyping import install_import_hook
 
 import tests.shapes  # noqa: F401  (the hook below looks it up by name)
 
-pytest_plugins = ("tests.processes", "tests.shared_stores", "tests.skips")
+pytest_plugins = ("tests.processes", "tests.shared_stores", "tests.dask_cluster", "tests.skips")
 
 CORE = Path(__file__).parents[1] / "aug3d_core"
 # Shapes and types in the annotations of modules that name array shapes are checked while testing, at a price for each call.

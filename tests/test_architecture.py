@@ -33,7 +33,7 @@ DOORS = {
     "laspy": {"aug3d_core/export/points.py"},
     "trimesh": {"aug3d_core/export/glb.py"},
     "viser": {"aug3d_core/view"},
-    "distributed": {"aug3d_core/factory/cluster.py", "aug3d_core/factory/scheduler.py"},
+    "distributed": {"aug3d_core/factory/scheduler.py"},
     "obstore": {"aug3d_core/store/bucket.py"},
     "transformers": {"aug3d_core/domes/methods/sam_worker.py"},
     "prefect": {"tasks", "flows"},

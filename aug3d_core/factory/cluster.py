@@ -6,33 +6,19 @@ to the shared store, where the machine that makes the object finds it. A worker 
 
 from __future__ import annotations
 
-import logging
 import os
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from threading import Event, Thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from aug3d_core.factory.build import Built, Work, assist, work_of
 from aug3d_core.factory.material import source_of
-from aug3d_core.factory.scheduler import CONNECT_S, scheduler_from
+from aug3d_core.factory.scheduler import asking, obey, scheduler_from
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.factory.walk import Make, Visit
-from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
-from aug3d_core.run.linux_process import die_with_parent
+from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.stage import Frozen
-from aug3d_core.store.layout import SHARED_VARIABLE
 from aug3d_core.store.store import Store
 
-if TYPE_CHECKING:
-    from distributed import Client, Future
-
 ASK_AFTER_S = 10.0  # a stage that ends before has no use for help, which takes seconds to begin
-ASK_EVERY_S = 30.0  # workers join and leave
-_log = logging.getLogger(__name__)
 
 
 class Order(Frozen):
@@ -85,75 +71,15 @@ def with_cluster(store: Store, make: Make) -> Make:
         order = order_of(visit.work) if visit.work and visit.step.stage.assist else None
         if order is None:
             return make(visit)
-        with asking(order, address):
+        with asking(__name__, order.model_dump_json(), address, ASK_AFTER_S):
             return make(visit)
 
     return made
 
 
-@contextmanager
-def asking(order: Order, address: str) -> Iterator[None]:
-    """Ask each worker of a cluster for help with an object, while the block runs. Without a cluster it runs without help."""
-    over = Event()
-    asking = Thread(target=_ask, args=(order, address, over), daemon=True)
-    asking.start()
-    try:
-        yield
-    finally:
-        over.set()
-        asking.join()
-
-
-def _ask(order: Order, address: str, over: Event) -> None:
-    if over.wait(ASK_AFTER_S):
-        return
-    try:
-        from distributed import Client
-
-        with Client(address, timeout=CONNECT_S, set_as_default=False) as client:
-            _keep_asking(client, order, over)
-    except Exception as error:  # whatever a cluster may do, the object is made here
-        _log.warning("no help from %s: %s: %s", address, type(error).__name__, error)
-
-
-def _keep_asking(client: Client, order: Order, over: Event) -> None:
-    asked: dict[str, Future] = {}
-    told = set[str]()
-    while True:
-        for worker in client.scheduler_info(n_workers=-1)["workers"].keys() - asked.keys():
-            asked[worker] = client.submit(help_with, order.model_dump_json(), workers=[worker], pure=False, retries=0)
-        if over.wait(ASK_EVERY_S):
-            break
-        for worker, future in asked.items():
-            if future.status == "error" and worker not in told:
-                told.add(worker)
-                _log.warning("no help from %s: %s", worker, future.exception())
-    client.cancel(list(asked.values()), force=True)  # those not begun; the others end with the last shard
-
-
-def help_with(order: str) -> None:
-    """Make shards of what is ordered, on a worker of Dask's: in a process of its own, which may start others."""
-    command = [sys.executable, "-m", "aug3d_core.factory.cluster"]
-    done = subprocess.run(command, input=order, capture_output=True, text=True, preexec_fn=die_with_parent)
-    if done.returncode:
-        lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        raise RuntimeError(lines[-1])
-
-
-def main() -> None:
-    """Make shards of the order on standard input, in this machine's home and the shared store."""
-    order = Order.model_validate_json(sys.stdin.read())
-    try:
-        store = Store(Path(os.environ.get("AUG3D_HOME", "aug3d_data")))
-        if store.shared is None:
-            raise UsageError(
-                f"{SHARED_VARIABLE} is not set on this machine", "start Dask's workers with it and its keys"
-            )
-        with store.using():
-            assist(store, ordered(store, order), lambda *_: None)
-    except Aug3dError as error:
-        sys.exit(f"{error.problem} -> {error.remedy}")
+def _assist(store: Store, order: str) -> None:
+    assist(store, ordered(store, Order.model_validate_json(order)), lambda *_: None)
 
 
 if __name__ == "__main__":
-    main()
+    obey(_assist)

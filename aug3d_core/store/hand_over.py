@@ -10,13 +10,14 @@ import os
 import secrets
 import shutil
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
+from threading import Event
 
+from aug3d_core.run.beside import beside
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.bucket import Bucket
@@ -141,24 +142,16 @@ class _Exchange:
         return True
 
 
-@contextmanager
-def _again_and_again(put: Callable[[], None], take: Callable[[], None] | None) -> Iterator[None]:
-    """Put what is new here, and more seldom take what is new there, from a thread, until the block ends."""
-    done = threading.Event()
+def _again_and_again(put: Callable[[], None], take: Callable[[], None] | None) -> AbstractContextManager[None]:
+    """Put what is new here, and more seldom take what is new there, from a thread, while a block runs."""
 
-    def work() -> None:
+    def work(over: Event) -> None:
         took_s = time.monotonic()
-        while not done.wait(PUT_S):
+        while not over.wait(PUT_S):
             with suppress(StoreError, OSError):  # the store is away, or a file went meanwhile: the next time
                 put()
                 if take and time.monotonic() - took_s >= TAKE_S:
                     take()
                     took_s = time.monotonic()
 
-    working = threading.Thread(target=work, daemon=True)
-    working.start()
-    try:
-        yield
-    finally:
-        done.set()
-        working.join()
+    return beside(work)

@@ -13,11 +13,12 @@ import json
 import os
 import secrets
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
+from threading import Event
 
+from aug3d_core.run.beside import beside
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store.bucket import Bucket
 
@@ -67,14 +68,10 @@ def _held(
     if mine is None:
         yield False
         return
-    done = threading.Event()
-    renewing = threading.Thread(target=_renew, args=(bucket, mine, owner, done, lost), daemon=True)
-    renewing.start()
     try:
-        yield True
+        with beside(lambda over: _renew(bucket, mine, owner, over, lost)):
+            yield True
     finally:
-        done.set()
-        renewing.join()
         with suppress(StoreError):  # it lapses
             bucket.delete([each for each in bucket.names(f"leases/{name}/") if each <= mine])
 
@@ -160,7 +157,7 @@ def _next(folder: str, last: str) -> str:
     return f"{folder}/{int(last.rpartition('/')[2]) + 1 if last else 0:08d}"
 
 
-def _renew(bucket: Bucket, mine: str, owner: dict, done: threading.Event, lost: Callable[[], None] | None) -> None:
+def _renew(bucket: Bucket, mine: str, owner: dict, done: Event, lost: Callable[[], None] | None) -> None:
     number = 0
     while not done.wait(RENEW_S):
         number += 1

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,10 +15,10 @@ from aug3d_core.bench.s3_service import free_port
 from aug3d_core.bench.small_town import SETTINGS
 from aug3d_core.factory import cluster, scheduler
 from aug3d_core.factory.build import Work, build, work_of
-from aug3d_core.factory.cluster import asking, order_of, ordered, with_cluster
+from aug3d_core.factory.cluster import order_of, ordered, with_cluster
 from aug3d_core.factory.config import scene_config
 from aug3d_core.factory.material import Source
-from aug3d_core.factory.scheduler import DASK, worker_count
+from aug3d_core.factory.scheduler import DASK, asking, worker_count
 from aug3d_core.factory.stages import TOWN
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store.layout import SHARED_VARIABLE
@@ -61,35 +57,15 @@ def test_without_a_cluster_a_step_is_made_as_it_is(tmp_path: Path, monkeypatch: 
 def test_a_cluster_that_is_not_there_stops_no_work(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(cluster, "ASK_AFTER_S", 0.0)
-    monkeypatch.setattr(cluster, "CONNECT_S", 1)
     monkeypatch.setattr(scheduler, "CONNECT_S", 1)
-    order = order_of(town())
-    assert order
     address = f"tcp://127.0.0.1:{free_port()}"
-    with asking(order, address):
+    with asking("antigravity", "", address, 0.0):
         time.sleep(0.1)
     assert f"no help from {address}" in caplog.text
     monkeypatch.setenv(DASK, address)
     monkeypatch.setenv(SHARED_VARIABLE, "s3://bucket")
     told = doctor._cluster()
     assert (told.state, told.remedy) == ("fail", f"start it, or leave {DASK} out")
-
-
-@pytest.fixture
-def dask(tmp_path: Path, shared: str) -> Iterator[tuple[str, dict[str, subprocess.Popen]]]:
-    """Run a scheduler and two workers, each with a home of its own; yield the address and the workers."""
-    address = f"tcp://127.0.0.1:{free_port()}"
-    with ExitStack() as stack:
-        running = {}
-        for name, service in {"scheduler": SCHEDULER, "one": HELPER, "two": HELPER}.items():
-            log = stack.enter_context((tmp_path / f"{name}.log").open("w"))
-            place = {"AUG3D_HOME": str(tmp_path / name), DASK: address}
-            command = [sys.executable, "-m", "flows.services", service]
-            running[name] = subprocess.Popen(command, env={**os.environ, **place}, stdout=log, stderr=log)
-            stack.callback(running[name].wait)
-            stack.callback(running[name].kill)
-        yield address, running
 
 
 @pytest.mark.slow
@@ -102,12 +78,11 @@ def test_each_worker_makes_shards_and_a_lost_one_costs_no_more(
         time.sleep(0.2)
     assert healthy(SCHEDULER, Serving(tmp_path), address) and healthy(HELPER, Serving(tmp_path), address)
     assert doctor._cluster().found == f"2 workers at {address}"
-    monkeypatch.setattr(cluster, "ASK_AFTER_S", 0.0)
-    monkeypatch.setattr(cluster, "ASK_EVERY_S", 0.5)
+    monkeypatch.setattr(scheduler, "ASK_EVERY_S", 0.5)
     store, work = Store(tmp_path / "here"), town()
     order = order_of(work)
     assert order and store.shared
-    with asking(order, address):
+    with asking(cluster.__name__, order.model_dump_json(), address, 0.0):
         deadline = time.monotonic() + 240
         while len(store.shared.bucket.names(f"work/town/{work.key}/")) < 4:
             logs = "\n".join((tmp_path / f"{name}.log").read_text()[-2000:] for name in running)

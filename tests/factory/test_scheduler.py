@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import time
+from pathlib import Path
+
+import psutil
 import pytest
 
-from aug3d_core.factory.scheduler import DASK, scheduler_from
+from aug3d_core.factory.scheduler import DASK, run_there, scheduler_from
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.layout import SHARED_VARIABLE
 
@@ -29,3 +34,22 @@ def test_without_a_shared_store_there_is_nothing_to_hand_over_through() -> None:
     assert scheduler_from({}) == scheduler_from({DASK: " "}) == ""
     with pytest.raises(UsageError, match=SHARED_VARIABLE):
         scheduler_from({DASK: "tcp://127.0.0.1:8786"})
+
+
+@pytest.mark.slow
+def test_what_a_worker_runs_ends_when_nobody_wants_it_and_its_failure_is_told(
+    tmp_path: Path, dask: tuple[str, dict[str, subprocess.Popen]]
+) -> None:
+    from distributed import Client
+
+    told = tmp_path / "told"
+    with Client(dask[0], timeout=60, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+        with pytest.raises(RuntimeError, match="No module named"):
+            client.submit(run_there, "antigravitation", "", pure=False).result(60)
+        future = client.submit(run_there, "tests.factory.asleep", str(told), grace_s=1.0, pure=False)
+        while not (told.exists() and told.read_text()):
+            assert future.status == "pending"
+            time.sleep(0.1)
+        process = psutil.Process(int(told.read_text()))
+    process.wait(30)  # whoever asked has gone, as one does that is killed

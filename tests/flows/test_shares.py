@@ -12,6 +12,7 @@ from uuid import UUID
 
 import pytest
 
+import aug3d_core.studies.stability.catalogue  # noqa: F401  (a study brings Open3D with it: tests/processes.py must see it)
 from aug3d_core.factory.build import Work
 from aug3d_core.factory.plan import Step
 from aug3d_core.factory.stages import DEPTH, GROUPING
@@ -234,7 +235,7 @@ def test_a_share_makes_the_cells_of_its_study_and_publishes_nothing(
             given = {"only": ["terraces"], "seeds": 2}
             return (await client.create_flow_run(stability, parameters=given, state=Running())).id
 
-    monkeypatch.setattr("flows.study_run.make_cell", make_cell)
+    monkeypatch.setattr("aug3d_core.studies.stability.cell.make_cell", make_cell)
     monkeypatch.setenv("AUG3D_HOME", str(tmp_path))
     ended = share(run(begun()), return_state=True)
     assert ended.is_completed() and ended.message == f"all {len(made)} cells are there"

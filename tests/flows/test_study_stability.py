@@ -32,7 +32,6 @@ def sound(_store: Store, cell: Cell[Dosed], _make: Make) -> StabilityResult:
 def cells(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Store, Cell[Dosed], Make], StabilityResult]], None]:
     def replace(make_cell: Callable[[Store, Cell[Dosed], Make], StabilityResult]) -> None:
         monkeypatch.setattr("aug3d_core.studies.stability.cell.make_cell", make_cell)
-        monkeypatch.setattr("flows.study_run.make_cell", make_cell)
 
     return replace
 
