@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import aug3d_core.studies.stability.catalogue  # noqa: F401  (the study brings Open3D with it: tests/processes.py must see it)
 from aug3d_core.factory.walk import Make
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
