@@ -145,10 +145,11 @@ def outage_figures(folder: Path, say: Say) -> dict[str, Figure]:
 def kill_figures(folder: Path, say: Say) -> dict[str, Figure]:
     """Kill the worker of a town once in each of its stages, as soon as that is seen; each time a machine with nothing joins."""
     found = kills(folder / "kills", say)
+    seconds = found.seconds.values()
     return {
-        "stages_killed_in": at_least(len(FROM_TOWN), len(found.seconds), "stages"),
-        "slowest_takeover_seconds": at_most(_TAKEOVER_S, max(found.seconds.values()), "s"),
-        "median_takeover_seconds": Figure(median(found.seconds.values()), "s"),
+        "stages_killed_in": at_least(len(FROM_TOWN), len(seconds), "stages"),
+        "slowest_takeover_seconds": at_most(_TAKEOVER_S, max(seconds, default=None), "s"),
+        "median_takeover_seconds": Figure(median(seconds) if seconds else None, "s"),
         "made_twice_after_kills": at_most(0.0, made_twice(found.made), "objects"),
     }
 

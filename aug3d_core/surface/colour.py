@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -19,7 +20,7 @@ from scipy.ndimage import map_coordinates
 
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.raycast import Raycaster
-from aug3d_core.geometry.transforms import apply, centres, project
+from aug3d_core.geometry.transforms import apply, centres
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.surface.exposure import exposure_gains
@@ -34,25 +35,52 @@ BLOCK = 1024  # places
 _NO_PART = 1e-3  # of a sample: rounding
 
 
-class Places:
-    """Spots of a surface to be coloured; neighbours in the list should be neighbours in space, which saves time."""
+class Framed(NamedTuple):
+    """Spots that a view frames, where in its image (px), and how far ahead."""
 
-    def __init__(self, xyz: Float[np.ndarray, "v 3"], normals: Float[np.ndarray, "v 3"]) -> None:
-        """Normals are unit vectors."""
-        self.xyz, self.normals = xyz, normals
-        # Balls around blocks of places, to skip what a view cannot see
+    spot: Int[np.ndarray, " p"]
+    x: Float[np.ndarray, " p"]
+    y: Float[np.ndarray, " p"]
+    depth: Float[np.ndarray, " p"]
+
+
+class Spots:
+    """Points of a surface; neighbours in the list should be neighbours in space, which saves time."""
+
+    def __init__(self, xyz: Float[np.ndarray, "v 3"]) -> None:
+        self.xyz = xyz
+        # Balls around blocks of spots, to skip what a view cannot see
         first = np.arange(0, len(xyz), BLOCK)
         low, high = np.minimum.reduceat(xyz, first), np.maximum.reduceat(xyz, first)
         self._centre, self._radius = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
 
-    def near_frame(self, views: Views, view: int) -> Int[np.ndarray, " p"]:
-        """Return the places that a view may have in its frame, and some beside it."""
+    def framed(self, views: Views, view: int, rim_px: float) -> Framed:
+        """Return the spots that a view has in its frame, further than so far from its border."""
+        spot, pose, size = self._near_frame(views, view), views.cam_from_world[view], views.size[view]
+        fx, fy, cx, cy = views.intrinsics[view]
+        x, y, depth = pose[:, :3] @ self.xyz[spot].T + pose[:, 3:]  # axis by axis: numpy is slow across short rows
+        ahead = depth > 0
+        depth = np.where(ahead, depth, np.inf)
+        x, y = x / depth * fx + cx, y / depth * fy + cy
+        inside = ahead & (x > rim_px) & (x < size[0] - rim_px) & (y > rim_px) & (y < size[1] - rim_px)
+        return Framed(spot[inside], x[inside], y[inside], depth[inside])
+
+    def _near_frame(self, views: Views, view: int) -> Int[np.ndarray, " p"]:
+        """Return the spots that a view may have in its frame, and some beside it."""
         in_cam = apply(views.cam_from_world[view], self._centre)
         sides = _frame_sides(views, view)
         inside = in_cam @ (sides / np.linalg.norm(sides, axis=1, keepdims=True)).T > -self._radius[:, None]
         block = np.flatnonzero(inside.all(axis=1))
-        place = (block[:, None] * BLOCK + np.arange(BLOCK)).ravel()
-        return place[place < len(self.xyz)]
+        spot = (block[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        return spot[spot < len(self.xyz)]
+
+
+class Places(Spots):
+    """Spots to be coloured, with unit normals."""
+
+    def __init__(self, xyz: Float[np.ndarray, "v 3"], normals: Float[np.ndarray, "v 3"]) -> None:
+        super().__init__(xyz)
+        self.normals = normals
 
 
 @dataclass(frozen=True)
@@ -142,25 +170,20 @@ class Photographs:
         self, places: Places, view: int
     ) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s 2"], Float[np.ndarray, " s"]]:
         """Return the places that a view sees unhidden, where in its image (px), and its score there."""
-        pose, size = self._views.cam_from_world[view], self._views.size[view]
-        fx, fy, cx, cy = self._views.intrinsics[view]
-        place = places.near_frame(self._views, view)
-        in_cam = apply(pose, places.xyz[place])
-        depth = np.where(in_cam[:, 2] > 0, in_cam[:, 2], np.inf)
-        xy = in_cam[:, :2] / depth[:, None] * (fx, fy) + (cx, cy)
-        framed = np.isfinite(depth) & (xy > 1).all(axis=1) & (xy < size - 1).all(axis=1)
-        place, xy, depth = place[framed], xy[framed], depth[framed]
-        to_camera = centres(pose) - places.xyz[place]
-        unit = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
-        cosine = np.einsum("vi,vi->v", unit, places.normals[place])
+        place, x, y, depth = places.framed(self._views, view, 1.0)
+        to_camera = centres(self._views.cam_from_world[view]) - places.xyz[place]
+        distance = np.sqrt(np.einsum("vi,vi->v", to_camera, to_camera))
+        cosine = np.einsum("vi,vi->v", to_camera, places.normals[place]) / distance
         facing = np.flatnonzero(cosine > MIN_COSINE)
         # Start a spacing off the surface, or the triangles around the place would hide it
         start = places.xyz[place[facing]] + self._spacing * places.normals[place[facing]]
         seen = facing[~self._caster.occluded(start, to_camera[facing], near=0.0, far=1.0)]
-        place, xy = place[seen], xy[seen]
-        to_border = np.minimum(xy, size - xy).min(axis=1) / size.min()
-        fade = np.minimum(1.0, to_border / BORDER_FADE)
-        return place, xy, fade * fx * fy * cosine[seen] / depth[seen] ** 2
+        place, x, y = place[seen], x[seen], y[seen]
+        width, height = self._views.size[view]
+        to_border = np.minimum(np.minimum(x, width - x), np.minimum(y, height - y)) / min(width, height)
+        fx, fy = self._views.intrinsics[view, :2]
+        score = np.minimum(1.0, to_border / BORDER_FADE) * fx * fy * cosine[seen] / depth[seen] ** 2
+        return place, np.stack([x, y], axis=1), score
 
 
 def paint_vertices(photographs: Photographs, shape: Shape, best: int, tick: Callable[[], None]) -> Colours:
@@ -176,27 +199,14 @@ def _frame_sides(views: Views, view: int) -> Float[np.ndarray, "5 3"]:
     return np.array([(fx, 0, cx), (-fx, 0, width - cx), (0, fy, cy), (0, -fy, height - cy), (0, 0, 1.0)])
 
 
-def _framing(shape: Shape, views: Views, chosen: Iterable[int]) -> Iterator[int]:
-    """Yield the views that may frame some of a surface: of no side of their frame all of its box lies outside."""
-    ends = np.stack([shape.xyz.min(axis=0), shape.xyz.max(axis=0)])
-    corners = np.array([[x, y, z] for x in ends[:, 0] for y in ends[:, 1] for z in ends[:, 2]])
-    for view in chosen:
-        beyond = apply(views.cam_from_world[view], corners) @ _frame_sides(views, view).T
-        if (beyond > 0).any(axis=0).all():
-            yield view
-
-
 def ground_sampling(shape: Shape, views: Views, chosen: Iterable[int]) -> float:
     """Return the size of a photo pixel on the surface, across the view, world units: the median of the views' medians.
 
     Only what a view frames counts: of an oblique view most of a large surface lies elsewhere. NaN if no view frames any.
     """
-    sampling: list[float] = []
-    for view in _framing(shape, views, chosen):
-        in_cam = apply(views.cam_from_world[view], shape.xyz)
-        ahead = in_cam[in_cam[:, 2] > 0]
-        xy = project(ahead, views.intrinsics[view])
-        depth = ahead[((xy > 0) & (xy < views.size[view])).all(axis=1), 2]
+    spots, sampling = Spots(shape.xyz), list[float]()
+    for view in chosen:
+        depth = spots.framed(views, view, 0.0).depth
         if len(depth):
             sampling.append(float(np.median(depth)) / views.intrinsics[view, 0])
     return float(np.median(sampling)) if sampling else np.nan

@@ -4,10 +4,10 @@ import numpy as np
 from PIL import Image
 
 from aug3d_core.geometry.masks import save_mask
-from aug3d_core.geometry.transforms import look_at
+from aug3d_core.geometry.transforms import apply, look_at, project
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
-from aug3d_core.surface.colour import Colours, Photographs, Places, ground_sampling, paint_vertices
+from aug3d_core.surface.colour import Colours, Photographs, Places, Spots, ground_sampling, paint_vertices
 from aug3d_core.surface.shape import Shape, split_to
 
 RED, BLUE = (250, 10, 10), (10, 10, 250)
@@ -136,3 +136,19 @@ def test_a_pixels_size_is_that_of_what_the_view_frames_however_large_the_rest_is
 def test_what_frames_nothing_counts_for_nothing():
     assert np.isnan(ground_sampling(square(20, 0.0), looking(AWAY), [0]))
     assert np.isclose(ground_sampling(square(20, 0.0), looking(AWAY, AWAY, DOWN), [0, 1, 2]), 40 / 200)
+
+
+def test_blocks_that_are_skipped_hold_nothing_that_a_view_frames():
+    rng = np.random.default_rng(3)
+    xyz = rng.uniform(-60, 60, (20_000, 3))
+    xyz = xyz[np.lexsort((xyz[:, 1] // 15, xyz[:, 0] // 15))]
+    views = looking(DOWN, OBLIQUE, AWAY, ((0.0, 0.0, 1.0), (5.0, 2.0, 0.0)))
+    for view in range(len(views)):
+        in_cam = apply(views.cam_from_world[view], xyz)
+        xy = project(in_cam, views.intrinsics[view])
+        true = np.flatnonzero((in_cam[:, 2] > 0) & ((xy > 1) & (xy < views.size[view] - 1)).all(axis=1))
+        framed = Spots(xyz).framed(views, view, 1.0)
+        assert 0 < len(true) < len(xyz) / 2
+        np.testing.assert_array_equal(framed.spot, true)
+        np.testing.assert_allclose(np.stack([framed.x, framed.y], axis=1), xy[true])
+        np.testing.assert_allclose(framed.depth, in_cam[true, 2])
