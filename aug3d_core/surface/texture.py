@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 from jaxtyping import Bool, Int, UInt8
@@ -25,17 +26,26 @@ def paint_texture(
     best: int,
     tick: Callable[[], None],
 ) -> TexturedMesh:
-    """Fill an atlas from the photographs; texels that none sees take the blend of their corners' colours `rgb`."""
+    """Fill an atlas from the photographs; texels that none sees take the blend of their corners' colours `rgb`.
+
+    `tick` is called as often as there are photographs, evenly over the work.
+    """
     triangle, weights = atlas.raster()
     inside = _by_tile(triangle >= 0)
     texels = np.zeros((triangle.size, 3), np.uint8)
     normals = triangle_normals(shape)
+    looks, passes = count(1), -(-len(inside) // CHUNK)
+
+    def looked() -> None:
+        if next(looks) % passes == 0:
+            tick()
+
     for first in range(0, len(inside), CHUNK):
         some = inside[first : first + CHUNK]
         owner, weight = triangle.ravel()[some], weights.reshape(-1, 3)[some]
         corners = shape.triangles[owner]
         xyz = np.einsum("pk,pkx->px", weight, shape.xyz[corners])
-        colours = photographs.paint(Places(xyz, normals[owner]), best, tick if first == 0 else lambda: None)
+        colours = photographs.paint(Places(xyz, normals[owner]), best, looked)
         guess = np.rint(np.einsum("pk,pkc->pc", weight, rgb[corners])).astype(np.uint8)
         texels[some] = np.where(colours.known[:, None], colours.rgb, guess)
     picture = texels.reshape(*triangle.shape, 3)

@@ -45,6 +45,7 @@ from tests.engines.little_scene import FOCAL_PX, SIZE, LittleScene, poses
 
 ROLES = ["train"] * 8 + ["gap", "support", "support", "target"]
 MAP_PX = 240
+QUICK_PX = 96  # where only bytes are compared
 SCENE = LittleScene()
 
 
@@ -108,6 +109,12 @@ def find_depth(inputs: Inputs, out: Path, **config: object) -> Outcome:
 def found(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
     out = tmp_path_factory.mktemp("depth")
     return out, find_depth(inputs, out)
+
+
+@pytest.fixture(scope="module")
+def quick(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
+    out = tmp_path_factory.mktemp("quick")
+    return out, find_depth(inputs, out, max_px=QUICK_PX)
 
 
 @pytest.fixture
@@ -204,16 +211,16 @@ def test_colmap_reads_the_workspace(found: tuple[Path, Outcome]) -> None:
         assert read_map(path).shape == (camera.height, camera.width)
 
 
-def test_targets_are_never_used(found: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path) -> None:
-    find_depth(changed("target"), tmp_path / "out")
-    assert files(tmp_path / "out") == files(found[0])
+def test_targets_are_never_used(quick: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path) -> None:
+    find_depth(changed("target"), tmp_path / "out", max_px=QUICK_PX)
+    assert files(tmp_path / "out") == files(quick[0])
 
 
 def test_train_points_come_from_train_photos_alone(
-    found: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path
+    quick: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path
 ) -> None:
-    find_depth(changed("support"), tmp_path / "out")
-    before, after = files(found[0]), files(tmp_path / "out")
+    find_depth(changed("support"), tmp_path / "out", max_px=QUICK_PX)
+    before, after = files(quick[0]), files(tmp_path / "out")
     assert after[FUSED] == before[FUSED]
     assert after[BASELINE_FUSED] != before[BASELINE_FUSED]
     for index in range(8):
@@ -222,11 +229,11 @@ def test_train_points_come_from_train_photos_alone(
 
 
 def test_the_number_of_workers_changes_nothing(
-    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    quick: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(depth_stage, "WORKERS", 1)
-    find_depth(inputs, tmp_path)
-    assert files(tmp_path) == files(found[0])
+    find_depth(inputs, tmp_path, max_px=QUICK_PX)
+    assert files(tmp_path) == files(quick[0])
 
 
 def test_killed_in_both_steps_it_goes_on_and_ends_in_the_same_bytes(
@@ -255,17 +262,17 @@ def test_killed_in_both_steps_it_goes_on_and_ends_in_the_same_bytes(
 
 
 def test_what_another_machine_has_swept_is_used_and_the_bytes_are_the_same(
-    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path
+    quick: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path
 ) -> None:
-    photos = found[1].metrics["photos"]
+    photos = quick[1].metrics["photos"]
     told: list[int] = []
-    assist(inputs, DepthConfig(max_px=MAP_PX), tmp_path, lambda done, total, what: told.append(done))
+    assist(inputs, DepthConfig(max_px=QUICK_PX), tmp_path, lambda done, total, what: told.append(done))
     assert len(list((tmp_path / RAW).glob("[!.]*.planes"))) == len(told) == photos
     times = {file.name: file.stat().st_mtime_ns for file in (tmp_path / RAW).iterdir()}
-    assist(inputs, DepthConfig(max_px=MAP_PX), tmp_path, lambda *_: None)
+    assist(inputs, DepthConfig(max_px=QUICK_PX), tmp_path, lambda *_: None)
     assert times == {file.name: file.stat().st_mtime_ns for file in (tmp_path / RAW).iterdir()}
-    assert find_depth(inputs, tmp_path).metrics["seconds_per_photo"] is None
-    assert files(tmp_path) == files(found[0])
+    assert find_depth(inputs, tmp_path, max_px=QUICK_PX).metrics["seconds_per_photo"] is None
+    assert files(tmp_path) == files(quick[0])
 
 
 def cuda(monkeypatch: pytest.MonkeyPatch, devices: int) -> None:
@@ -287,10 +294,10 @@ def test_patch_match_needs_a_gpu_that_is_there(inputs: Inputs, tmp_path: Path, m
 
 
 def test_a_gpu_does_not_change_how_depth_is_found(
-    found: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    quick: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cuda(monkeypatch, devices=1)
-    assert find_depth(inputs, tmp_path).metrics["engine"] == found[1].metrics["engine"] == "sweep"
+    assert find_depth(inputs, tmp_path, max_px=QUICK_PX).metrics["engine"] == quick[1].metrics["engine"] == "sweep"
 
 
 def shared_by(inputs: Inputs, sfm: Path, kept: Callable[[Tracks], np.ndarray]) -> Inputs:

@@ -1,5 +1,6 @@
 """The atlas and its filling: nothing lies on top of anything, and a picture comes out as it went in."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
+from aug3d_core.surface import texture
 from aug3d_core.surface.atlas import GUTTER, atlas_within, make_atlas, pack
-from aug3d_core.surface.colour import Photographs, paint_vertices
+from aug3d_core.surface.colour import Colours, Photographs, Places, paint_vertices
 from aug3d_core.surface.shape import Shape, triangle_areas, triangle_normals
 from aug3d_core.surface.texture import paint_texture
 
@@ -122,6 +124,31 @@ def test_texels_that_no_photo_sees_take_their_corners_colours(tmp_path):
     colour = mesh.colour_at(np.arange(len(normals)), third)
     assert (colour[normals[:, 2] < -0.5] == 77).all()
     assert (np.abs(colour[normals[:, 2] > 0.5] - 77) > 20).any(axis=1).all()
+
+
+@pytest.mark.parametrize("chunk", [50, 997, 10**6])
+def test_it_is_told_once_for_each_photo_however_many_chunks_there_are(
+    chunk: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = ground_photo(tmp_path)
+    views = Views(
+        np.zeros(3, int), *(np.repeat(part, 3, axis=0) for part in (one.cam_from_world, one.intrinsics, one.size))
+    )
+    shape, ticks, most = box(2.0), list[int](), list[int]()
+    photographs = Photographs(views, np.arange(3), tmp_path, tmp_path / "masks", shape, 0.5)
+    monkeypatch.setattr(texture, "CHUNK", chunk)
+    paint = photographs.paint
+
+    def counted(places: Places, best: int, tick: Callable[[], None]) -> Colours:
+        most.append(len(places.xyz))
+        return paint(places, best, tick)
+
+    monkeypatch.setattr(photographs, "paint", counted)
+    rgb = np.full((8, 3), 77, np.uint8)
+    paint_texture(photographs, shape, rgb, make_atlas(shape, 0.1), 1, lambda: ticks.append(len(most)))
+    assert len(ticks) == 3 and max(most) <= chunk
+    assert ticks[-1] == len(most), "the last at the very end"
+    assert abs(ticks[0] - len(most) / 3) <= 1
 
 
 def test_a_dark_photo_is_evened_out(tmp_path):
