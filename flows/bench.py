@@ -199,7 +199,7 @@ def bench_scale(
     set_: Set = [],
     as_json: AsJson = False,
 ) -> None:
-    """How time and memory of each stage grow with the number of photographs (an hour and a half; 2,000 take a day).
+    """How time and memory of each stage grow with the number of photographs (40 minutes; 1,000 take 100 more).
 
     Killed half way? Run it again: stages that were made are kept until the benchmark is complete.
     """
