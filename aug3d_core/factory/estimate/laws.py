@@ -234,8 +234,8 @@ def _surface(scene: Scene) -> Work:
     )
     tiled = min(80 * pixels, scene.cores * _TILE_MIB, max(_TILES_SHARE * scene.memory_mib, _TILE_MIB))
     return Work(
-        one_core_s=9 + 4.2 * pixels + 2.0 * textured,
-        all_cores_s=2.3 * pixels + 2.0 * textured,
+        one_core_s=9 + 2.9 * pixels + 0.8 * textured,
+        all_cores_s=2.3 * pixels + 0.8 * textured,
         peak_mib=440 + (40 * pixels if pixels <= _TILED_MPX else tiled) + 17 * textured,
         disk_mib=3 + 0.4 * pixels + 2.0 * textured,
     )
