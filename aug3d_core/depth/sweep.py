@@ -72,10 +72,14 @@ def better_half(scores: list[np.ndarray]) -> Float32[np.ndarray, "h w"]:
     A score of -1 is no score: the source's image ends there. Where the better half has too few, the next worse one is taken
     for a little less than the one before, so that a place near the rim competes with places that all sources see.
     """
-    best = [np.full_like(scores[0], -1.0) for _ in range(ceil(len(scores) / 2))]
-    for score in scores:
+    best, wanted = [scores[0].copy()], ceil(len(scores) / 2)
+    for score in scores[1:]:
         for rank in best:
-            score, rank[:] = np.minimum(rank, score), np.maximum(rank, score)
+            worse = np.minimum(rank, score)
+            np.maximum(rank, score, out=rank)
+            score = worse
+        if len(best) < wanted:
+            best.append(score)
     for better, rank in pairwise(best):
         np.copyto(rank, better - _MISSING, where=rank == -1)
     return sum(best[1:], best[0]) / np.float32(len(best))

@@ -15,6 +15,7 @@ colour    colours of places on the surface from the photographs that see them be
 atlas     where each triangle lies in the texture
 texture   every texel coloured as a vertex is
 clock     what each step took
+kept      what a try after a kill goes on with
 checks    the mesh beside the photographs: PSNR, coverage, pictures
 stage     both meshes (train photos alone; everything but the targets) and the renders at the targets
 """

@@ -17,6 +17,7 @@ from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.colour import Photographs, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.draw import Drawn, nothing
+from aug3d_core.surface.kept import NOTHING_KEPT, Kept
 from aug3d_core.surface.shape import Shape, split_to, triangle_areas
 from aug3d_core.surface.texture import paint_texture
 
@@ -60,6 +61,7 @@ def build(
     config: SurfaceConfig,
     clock: Clock,
     tick: Callable[[], None],
+    kept: Kept = NOTHING_KEPT,
 ) -> Built:
     """Colour a surface from the chosen views; raises InputError if none sees any of it."""
     sampling = drawn.ground_sampling
@@ -70,7 +72,7 @@ def build(
         affordable = float(np.sqrt(triangle_areas(drawn.shape).sum() / config.vertex_budget / AREA_PER_VERTEX))
         detail = max(sampling, affordable)
         shape = split_to(drawn.shape, detail, config.vertex_budget)
-    photographs = Photographs(views, chosen, images, masks, shape, detail)
+    photographs = Photographs(views, chosen, images, masks, shape, detail, kept)
     with clock.step("exposure"):
         photographs.even_out(tracks)
     with clock.step("vertex colours"):

@@ -21,9 +21,10 @@ from scipy.ndimage import map_coordinates
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.geometry.transforms import apply, centres
-from aug3d_core.geometry.views import Tracks, Views
+from aug3d_core.geometry.views import Tracks, Views, _Arrays
 from aug3d_core.photos.files import image_name
 from aug3d_core.surface.exposure import exposure_gains
+from aug3d_core.surface.kept import NOTHING_KEPT, Kept
 from aug3d_core.surface.shape import Shape, edges, vertex_normals
 
 MIN_COSINE = 0.1  # flatter than this a photo sees the place as a smear
@@ -84,7 +85,7 @@ class Places(Spots):
 
 
 @dataclass(frozen=True)
-class Colours:
+class Colours(_Arrays):
     """The best photos' colours at each place."""
 
     rgb: UInt8[np.ndarray, "v 3"]
@@ -111,10 +112,11 @@ class Photographs:
         masks: Path,
         shape: Shape,
         spacing: float,
+        kept: Kept = NOTHING_KEPT,
     ) -> None:
         """`spacing` (world units) is the size of the detail to be coloured, and what counts as touching the surface."""
         self._views, self._chosen, self._spacing = views, chosen, spacing
-        self._images, self._masks = images, masks
+        self._images, self._masks, self._kept = images, masks, kept
         self._caster = Raycaster(shape.xyz, shape.triangles)
         self.gains: Float[np.ndarray, "m 3"] = np.ones((len(chosen), 3))
 
@@ -136,8 +138,14 @@ class Photographs:
             np.concatenate(point), np.concatenate(photo), np.concatenate(rgb), len(self._chosen)
         )
 
-    def paint(self, places: Places, best: int, tick: Callable[[], None]) -> Colours:
-        """Blend the `best` photos at each place; `tick` is called after each photo."""
+    def paint(self, places: Places, best: int, tick: Callable[[], None], name: str) -> Colours:
+        """Blend the `best` photos at each place; `tick` is called after each photo. name: under which they are kept."""
+        if self._kept.has(name):
+            for _ in self._chosen:
+                tick()
+        return self._kept.piece(name, Colours, lambda: self._blend(places, best, tick))
+
+    def _blend(self, places: Places, best: int, tick: Callable[[], None]) -> Colours:
         scores = np.zeros((len(places.xyz), best), np.float32)
         colours = np.zeros((len(places.xyz), best, 3), np.float32)
         for seen, gain in zip(self._look(places), self.gains, strict=True):
@@ -188,7 +196,7 @@ class Photographs:
 
 def paint_vertices(photographs: Photographs, shape: Shape, best: int, tick: Callable[[], None]) -> Colours:
     """Colour the vertices of a mesh; a vertex within a few edges of one that a photo sees counts as known."""
-    colours = photographs.paint(Places(shape.xyz, vertex_normals(shape)), best, tick)
+    colours = photographs.paint(Places(shape.xyz, vertex_normals(shape)), best, tick, "vertices")
     return _fill(shape, colours)
 
 

@@ -6,6 +6,7 @@ from aug3d_core.run.metric import declared
 from aug3d_core.run.stage import Stage
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.config import PRESETS, SurfaceConfig
+from aug3d_core.surface.files import PIECES
 
 SURFACE = Stage(
     name="surface",
@@ -32,5 +33,7 @@ SURFACE = Stage(
         ),
     ),
     decidable=("texel_gsd",),
+    resumable=True,
+    shards=(f"{PIECES}/*/[!.]*.npz",),
     reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
 )

@@ -6,11 +6,12 @@ that margin too, so that nothing pulls at the border. Only then it is cut to its
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,12 +19,12 @@ from statistics import median, median_high
 
 import numpy as np
 import psutil
-from jaxtyping import Int
+from jaxtyping import Float, Int, UInt8
 
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ground_tiles import EVERYWHERE, Halved, Planned, Tile, leaves
 from aug3d_core.geometry.stored_points import IndexedPoints, StoredPoints
-from aug3d_core.geometry.views import Views
+from aug3d_core.geometry.views import Views, _Arrays
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.run.memory import total_bytes
@@ -34,6 +35,7 @@ from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
 from aug3d_core.surface.evidence import gather
 from aug3d_core.surface.join import join
+from aug3d_core.surface.kept import NOTHING_KEPT, Kept
 from aug3d_core.surface.poisson import octree_depth, reconstruct
 from aug3d_core.surface.shape import Shape, triangle_areas
 from aug3d_core.surface.tiles import MOST_POINTS, plan_tiles
@@ -47,6 +49,7 @@ JOIN_SPACINGS = 4.0
 # Memory of a tile's process for each of its points: 0.7 KiB for those read, a fifth more than its own (measured), and the rest
 POINT_BYTES = 1100
 MEMORY_SHARE = 0.5  # of what is free, for all tiles that are drawn at a time
+_NO_SHAPE = Shape(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
 @dataclass(frozen=True)
@@ -74,24 +77,31 @@ def draw(
     told: Callable[[int, int], None] = lambda done, tiles: None,
     most: int = MOST_POINTS,
     at_once: int | None = None,
+    kept: Kept = NOTHING_KEPT,
 ) -> Drawn:
     """Draw the surface that stored points support, in tiles if there are more than `most`; raises InputError if none.
 
     told: called with the number of tiles that are drawn, and of all. at_once: processes; as many as cores and memory allow
-    where it is None. The surface is the same with any number.
+    where it is None. The surface is the same with any number. kept: tiles that are drawn already.
     """
     stored = StoredPoints.open(fused)
+    work = _Work(views, chosen, config, kept)
     if len(stored) <= most:
-        return _draw(Fused.load(fused), EVERYWHERE, EVERYWHERE, views, chosen, config, clock)
+        one = work.tile(0, partial(Fused.load, fused), EVERYWHERE, EVERYWHERE)
+        clock.add(one.clock)
+        if one.drawn is None:
+            raise nothing(one.problem)
+        return one.drawn
     with clock.step("tiling"):
         plan, indexed = plan_tiles(stored, most), IndexedPoints.of(stored)
     tiles = [*leaves(plan)]
     # Of a gap's width: so far points away decide whether a gap that ends at a border is closed
     margin = max(MARGIN_SPACINGS, config.max_gap_spacings)
-    work = partial(_tried, indexed, margin, views, chosen, config)
     tried = []
     told(0, len(tiles))
-    for one in _each(work, tiles, min(len(tiles), at_once or _affordable(most))):
+    for one in _each(
+        partial(_tile, work, indexed, margin), [*enumerate(tiles)], min(len(tiles), at_once or _affordable(most))
+    ):
         tried.append(one)
         told(len(tried), len(tiles))
     clock.add(*(one.clock for one in tried))
@@ -123,13 +133,61 @@ class _Tried:
     clock: Clock
 
 
+@dataclass(frozen=True)
+class _Stored(_Arrays):
+    """The same as arrays. told: all but the shape, as JSON."""
+
+    xyz: Float[np.ndarray, "v 3"]
+    triangles: Int[np.ndarray, "t 3"]
+    told: UInt8[np.ndarray, " b"]
+
+    @classmethod
+    def of(cls, tried: _Tried) -> _Stored:
+        figures = {} if tried.drawn is None else {one.name: getattr(tried.drawn, one.name) for one in fields(Drawn)}
+        shape = figures.pop("shape", _NO_SHAPE)
+        told = json.dumps({"figures": figures, "problem": tried.problem, "seconds": tried.clock.seconds})
+        return cls(shape.xyz, shape.triangles, np.frombuffer(told.encode(), np.uint8))
+
+    def tried(self) -> _Tried:
+        told = json.loads(self.told.tobytes())
+        shape, figures = Shape(self.xyz, self.triangles), told["figures"]
+        return _Tried(Drawn(shape, **figures) if figures else None, told["problem"], Clock(told["seconds"]))
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What is the same for every tile."""
+
+    views: Views
+    chosen: Int[np.ndarray, " m"]
+    config: SurfaceConfig
+    kept: Kept
+
+    def tile(self, number: int, points: Callable[[], Fused], ground: Tile, read: Tile) -> _Tried:
+        """Draw a tile through the points over `read`, unless it is drawn already."""
+
+        def make() -> _Stored:
+            clock = Clock()
+            with clock.step("tiling"):
+                fused = points()
+            try:
+                drawn = _draw(fused, ground, read, self.views, self.chosen, self.config, clock)
+                return _Stored.of(_Tried(drawn, "", clock))
+            except InputError as error:
+                return _Stored.of(_Tried(None, error.problem, clock))
+
+        return self.kept.piece(f"tile_{number:05}", _Stored, make).tried()
+
+
 def _affordable(most: int) -> int:
     """Return how many tiles the cores and the free memory can draw at a time."""
     free = min(psutil.virtual_memory().available, total_bytes())
     return max(1, min(len(os.sched_getaffinity(0)), int(MEMORY_SHARE * free / (POINT_BYTES * most))))
 
 
-def _each(work: Callable[[Planned], _Tried], tiles: list[Planned], at_once: int) -> Iterator[_Tried]:
+def _each(
+    work: Callable[[tuple[int, Planned]], _Tried], tiles: list[tuple[int, Planned]], at_once: int
+) -> Iterator[_Tried]:
     """Yield what is made of each tile, in their order, in processes of their own: their memory is given back."""
     with ProcessPoolExecutor(at_once, mp_context=get_context("spawn")) as pool:
         try:
@@ -142,22 +200,11 @@ def _each(work: Callable[[Planned], _Tried], tiles: list[Planned], at_once: int)
             ) from error
 
 
-def _tried(
-    fused: IndexedPoints,
-    margin: float,
-    views: Views,
-    chosen: Int[np.ndarray, " m"],
-    config: SurfaceConfig,
-    tile: Planned,
-) -> _Tried:
+def _tile(work: _Work, fused: IndexedPoints, margin: float, numbered: tuple[int, Planned]) -> _Tried:
     """Draw a tile through its points and those within a margin (spacings)."""
-    clock, by = Clock(), margin * tile.spacing
-    with clock.step("tiling"):
-        points = fused.over(tile.ground.grown(by))
-    try:
-        return _Tried(_draw(points, tile.ground, tile.ground.grown(by), views, chosen, config, clock), "", clock)
-    except InputError as error:
-        return _Tried(None, error.problem, clock)
+    number, tile = numbered
+    around = tile.ground.grown(margin * tile.spacing)
+    return work.tile(number, partial(fused.over, around), tile.ground, around)
 
 
 def _draw(
@@ -210,6 +257,6 @@ def _joined(plan: Halved | Planned, tried: Iterator[_Tried], reach: float) -> Sh
     """Join the tiles in their order, neighbours first."""
     if isinstance(plan, Planned):
         drawn = next(tried).drawn
-        return Shape(np.zeros((0, 3)), np.zeros((0, 3), np.int32)) if drawn is None else drawn.shape
+        return _NO_SHAPE if drawn is None else drawn.shape
     below = _joined(plan.below, tried, reach)
     return join(below, _joined(plan.above, tried, reach), plan, reach)

@@ -10,3 +10,4 @@ MESH_TEXTURE = "mesh_texture.png"
 BASELINE_TEXTURED_MESH = "baseline_mesh_textured.npz"
 BASELINE_MESH_TEXTURE = "baseline_mesh_texture.png"
 MESH_SOURCES = "mesh_sources.json"
+PIECES = "pieces"  # while the stage works

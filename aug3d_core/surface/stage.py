@@ -9,6 +9,7 @@ live in one. `mesh_sources.json` names the photos that each was made of, for the
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,8 +41,10 @@ from aug3d_core.surface.files import (
     MESH,
     MESH_SOURCES,
     MESH_TEXTURE,
+    PIECES,
     TEXTURED_MESH,
 )
+from aug3d_core.surface.kept import Kept
 
 FEW_POINTS = 10_000
 LOW_COVERAGE = 0.5
@@ -85,9 +88,9 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     def told(done: int, tiles: int) -> None:
         progress(done, tiles, "drawing the surface, tile by tile")
 
-    train_mesh = _build(scene, inputs["depth"] / FUSED, train, clock, told, tick)
+    train_mesh = _build(scene, inputs["depth"] / FUSED, train, clock, told, tick, Kept(out / PIECES / "train"))
     _save(train_mesh, out, MESH, TEXTURED_MESH, MESH_TEXTURE)
-    baseline = _build(scene, inputs["depth"] / BASELINE_FUSED, given, clock, told, tick)
+    baseline = _build(scene, inputs["depth"] / BASELINE_FUSED, given, clock, told, tick, Kept(out / PIECES / "given"))
     _save(baseline, out, BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE)
     sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
     (out / MESH_SOURCES).write_text(json.dumps(sources))
@@ -100,6 +103,7 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
         figures |= _compare(scene, targets, known, renders)
         pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
     figures |= {f"{name.replace(' ', '_')}_seconds": round(spent, 1) for name, spent in clock.seconds.items()}
+    shutil.rmtree(out / PIECES)
     progress(1, 1, "done")
     doubts = _doubts(figures)
     return Outcome(
@@ -139,9 +143,10 @@ def _build(
     clock: Clock,
     told: Callable[[int, int], None],
     tick: Callable[[], None],
+    kept: Kept,
 ) -> Built:
-    drawn = draw(fused, scene.views, chosen, scene.config, clock, told)
-    return build(drawn, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick)
+    drawn = draw(fused, scene.views, chosen, scene.config, clock, told, kept=kept)
+    return build(drawn, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick, kept)
 
 
 def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:

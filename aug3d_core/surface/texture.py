@@ -40,12 +40,12 @@ def paint_texture(
         if next(looks) % passes == 0:
             tick()
 
-    for first in range(0, len(inside), CHUNK):
-        some = inside[first : first + CHUNK]
+    for part in range(passes):
+        some = inside[part * CHUNK : (part + 1) * CHUNK]
         owner, weight = triangle.ravel()[some], weights.reshape(-1, 3)[some]
         corners = shape.triangles[owner]
         xyz = np.einsum("pk,pkx->px", weight, shape.xyz[corners])
-        colours = photographs.paint(Places(xyz, normals[owner]), best, looked)
+        colours = photographs.paint(Places(xyz, normals[owner]), best, looked, f"texels_{part:03}")
         guess = np.rint(np.einsum("pk,pkc->pc", weight, rgb[corners])).astype(np.uint8)
         texels[some] = np.where(colours.known[:, None], colours.rgb, guess)
     picture = texels.reshape(*triangle.shape, 3)

@@ -33,6 +33,7 @@ from aug3d_core.surface.files import (
     MESH_TEXTURE,
     TEXTURED_MESH,
 )
+from aug3d_core.surface.kept import Kept
 from aug3d_core.surface.poisson import octree_depth, reconstruct, simplify
 from aug3d_core.surface.shape import Shape
 from aug3d_core.surface.stage import run
@@ -207,10 +208,10 @@ def on_hills(truth: Mesh, count: int, rng: np.random.Generator) -> Fused:
     )
 
 
-def build_surface(flight: dict[str, Path], out: Path, **settings):
+def build_surface(flight: dict[str, Path], out: Path, progress=lambda done, total, what: None, **settings):
     out.mkdir(exist_ok=True)
     config = SurfaceConfig(vertex_budget=20_000, max_gap_spacings=24, **settings)  # the lake is wider than that
-    return run(flight, config, out, lambda done, total, what: None)
+    return run(flight, config, out, progress)
 
 
 @pytest.fixture(scope="module")
@@ -266,9 +267,36 @@ def test_the_sources_are_named(built):
     assert sources == {"mesh": [0, 1, 2, 3, 6, 7, 9, 10, 11], "baseline": [i for i in range(12) if i != 4]}
 
 
-def test_the_same_input_gives_the_same_bytes(flight, built, tmp_path):
-    build_surface(flight, tmp_path)
+class Stopped(BaseException):
+    """As if the process were killed."""
+
+
+def test_stopped_after_each_piece_it_makes_none_twice_and_ends_in_the_same_bytes(flight, built, tmp_path, monkeypatch):
+    keep, made, told = Kept.piece, list[str](), list[tuple[int, int]]()
+
+    def piece(self, name, kind, make):
+        there = self.has(name)
+        found = keep(self, name, kind, make)
+        if not there:
+            made.append(f"{self.folder.name}/{name}")
+            raise Stopped
+        return found
+
+    def stage():
+        told.clear()
+        build_surface(flight, tmp_path, lambda done, total, _: told.append((done, total)))
+
+    monkeypatch.setattr(Kept, "piece", piece)
+    for _ in range(6):
+        with pytest.raises(Stopped):
+            stage()
+    stage()
+    assert made == [
+        f"{mesh}/{name}" for mesh in ("train", "given") for name in ("tile_00000", "vertices", "texels_000")
+    ]
+    assert told == [*sorted(told[:-1]), (1, 1)] and told[-2][0] == told[-2][1] - 1, "all that is kept counts as done"
     files = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
+    assert files == sorted(p.relative_to(built[1]) for p in built[1].rglob("*") if p.is_file())
     assert len(files) >= 10
     assert all(cmp(tmp_path / f, built[1] / f, shallow=False) for f in files)
 

@@ -139,9 +139,9 @@ def test_it_is_told_once_for_each_photo_however_many_chunks_there_are(
     monkeypatch.setattr(texture, "CHUNK", chunk)
     paint = photographs.paint
 
-    def counted(places: Places, best: int, tick: Callable[[], None]) -> Colours:
+    def counted(places: Places, best: int, tick: Callable[[], None], name: str) -> Colours:
         most.append(len(places.xyz))
-        return paint(places, best, tick)
+        return paint(places, best, tick, name)
 
     monkeypatch.setattr(photographs, "paint", counted)
     rgb = np.full((8, 3), 77, np.uint8)

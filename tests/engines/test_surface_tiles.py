@@ -2,6 +2,7 @@
 
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.draw import Drawn, _each, draw
 from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.join import rim_edges
+from aug3d_core.surface.kept import Kept
 from aug3d_core.surface.poisson import CELL_SPACINGS, reconstruct
 from aug3d_core.surface.tiles import plan_tiles
 from tests.engines.test_surface import LAKE, LAKE_RADIUS, hills, on_hills
@@ -121,6 +123,31 @@ def test_the_number_of_processes_changes_no_byte_and_tiles_are_told(fused, tiled
     assert said == tiled[1] == [(n, 4) for n in range(5)]
 
 
+def test_a_tile_that_is_drawn_already_is_not_drawn_again(fused, tmp_path):
+    """The view sees no more than the tiles on one side, so that of some it is kept that they have no surface."""
+    views = above()
+    beside = Views(
+        views.photo_id, views.cam_from_world, views.intrinsics * (1, 1, -0.75, 1), views.size // np.array([2, 1])
+    )
+
+    def pieces() -> dict[str, int]:
+        return {file.name: file.stat().st_mtime_ns for file in tmp_path.iterdir()}
+
+    def again() -> Drawn:
+        return draw(fused, beside, np.array([0]), CONFIG, Clock(), most=MOST, at_once=1, kept=Kept(tmp_path))
+
+    first, before = again(), pieces()
+    assert sorted(before) == [f"tile_{n:05}.npz" for n in range(4)]
+    assert 0 < first.points < 0.6 * COUNT
+    lost = min(before)
+    (tmp_path / lost).unlink()
+    second, after = again(), pieces()
+    assert {name for name in after if after[name] != before[name]} == {lost}
+    np.testing.assert_array_equal(second.shape.xyz, first.shape.xyz)
+    np.testing.assert_array_equal(second.shape.triangles, first.shape.triangles)
+    assert replace(second, shape=first.shape) == first
+
+
 def test_what_no_photograph_frames_is_refused_tiles_or_not(fused):
     away = Views(
         above().photo_id, above().cam_from_world + np.array([[0, 0, 0, 1e4]] * 3), above().intrinsics, above().size
@@ -143,11 +170,11 @@ def test_even_cells_are_two_spacings_wide():
     assert steps.min() > 0.9
 
 
-def killed(tile: Planned) -> None:
+def killed(numbered: tuple[int, Planned]) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_tile_whose_process_is_killed_is_an_error_that_is_tried_again():
     with pytest.raises(WorkerDied, match="was killed") as died:
-        list(_each(killed, [Planned(EVERYWHERE, 1.0)], 1))
+        list(_each(killed, [(0, Planned(EVERYWHERE, 1.0))], 1))
     assert died.value.cause == "killed"
