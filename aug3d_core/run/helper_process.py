@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -32,19 +32,27 @@ class WorkerDied(Aug3dError):
         self.cause = cause
 
 
-def run_worker(module: str, job: Frozen, on_report: Callable[[str], None], name: str, lighter: str) -> None:
+def run_worker(
+    module: str,
+    job: Frozen,
+    on_report: Callable[[str], None],
+    name: str,
+    lighter: str,
+    environment: Mapping[str, str] | None = None,
+) -> None:
     """Run `python -m module job.json` and wait for it; `on_report(line)` is called with each line that it reports.
 
-    `name` says in errors which worker it was, `lighter` what to do if its memory ran out. The worker stays in this
-    process's group, so that whoever kills the stage kills it too. Raises WorkerDied with the last lines that it logged,
-    or OSError when the disk is full.
+    `name` says in errors which worker it was, `lighter` what to do if its memory ran out; `environment` is set beside this
+    process's own. The worker stays in this process's group, so that whoever kills the stage kills it too. Raises WorkerDied
+    with the last lines that it logged, or OSError when the disk is full.
     """
     with tempfile.TemporaryDirectory() as folder:
         job_file, log_file = Path(folder) / "job.json", Path(folder) / "log.txt"
         job_file.write_text(job.model_dump_json())
         with log_file.open("wb") as log:
             command = [sys.executable, "-m", module, str(job_file)]
-            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True) as worker:
+            own = {**os.environ, **(environment or {})}
+            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, env=own) as worker:
                 for line in worker.stdout or ():
                     on_report(line.rstrip("\n"))
         if worker.returncode:

@@ -2,6 +2,7 @@
 
 pairs            which photographs to match with which (plain numpy)
 features         photo table -> database of features and verified matches
+match_worker     the process that matches a share of the pairs
 mapping          database -> reconstructions, the largest first
 grow             start from an earlier reconstruction of most of the photographs
 refusal          photographs that cannot become a scene, and why

@@ -1,7 +1,8 @@
 """Photo table -> database with features and verified matches.
 
 Every photograph is entered before features are extracted, so that ids, and with them all that follows, do not depend on
-which thread finishes first; RANSAC is seeded per pair. With both, any number of threads gives the same database.
+which thread finishes first; RANSAC is seeded per pair; pairs are matched on one thread a process. So any number of cores gives
+the same database.
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ from __future__ import annotations
 import os
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 import pandas as pd
@@ -19,14 +22,16 @@ import pycolmap
 from jaxtyping import Int, UInt8
 
 from aug3d_core.photos.files import image_name
+from aug3d_core.run.helper_process import run_worker
 from aug3d_core.run.stage import Order, Progress
 from aug3d_core.sfm.coarse import largest
 from aug3d_core.sfm.config import MatchingConfig
+from aug3d_core.sfm.match_worker import ONE_THREAD, MatchJob, PairsTask
 from aug3d_core.sfm.matching_shards import Shard
 
 _CAMERA_MODEL = "SIMPLE_RADIAL"
 _PHOTOS_PER_SHARD = 8
-_PAIRS_PER_SHARD = 400
+_SHARDS, _FEWEST_PAIRS, _MOST_PAIRS = 16, 25, 400  # of pairs: about so many shards, within so many pairs each
 SHARDS = "shards"  # folder beside the database
 
 
@@ -115,30 +120,50 @@ def read_largest(photos: pd.DataFrame, database: Path) -> list[UInt8[np.ndarray,
 def match(
     pairs: Int[np.ndarray, "m 2"], database: Path, config: MatchingConfig, progress: Progress, ordered: Order = list
 ) -> None:
-    """Match the pairs and verify them geometrically, those that are not yet, a shard of pairs after the other."""
-    matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
-    matching.num_threads = threads()
-    verification.ransac.random_seed = config.seed
-    pairing = pycolmap.ImportedPairingOptions()
-    pairing.match_list_path = database.with_suffix(".pairs.txt")
+    """Match the pairs and verify them geometrically, those that are not yet, in shards of pairs; a process on each core.
+
+    Raises WorkerDied if a process ends before its work is done.
+    """
     with pycolmap.Database.open(database) as opened:
         ids = image_ids(opened)
         of_database = [(ids[i], ids[j]) for i, j in pairs.tolist()]
-        left = np.array([not opened.exists_two_view_geometry(*pair) for pair in of_database], bool)
-    done = len(pairs) - int(left.sum())
-    for first in ordered(range(0, len(pairs), _PAIRS_PER_SHARD)):
-        chunk = slice(first, first + _PAIRS_PER_SHARD)
-        new = pairs[chunk][left[chunk]]
-        if not len(new):
-            continue
-        shard = Shard.of_pairs(database.parent / SHARDS, of_database[chunk])
-        if not shard.take(database):
-            lines = (f"{image_name(i)} {image_name(j)}\n" for i, j in new)
-            Path(pairing.match_list_path).write_text("".join(lines))
-            pycolmap.match_image_pairs(database, matching, pairing, verification)
-            shard.give(database)
-        done += len(new)
+        left = {pair for pair in of_database if not opened.exists_two_view_geometry(*pair)}
+    done, size = len(pairs) - len(left), min(_MOST_PAIRS, max(_FEWEST_PAIRS, -(-len(pairs) // _SHARDS)))
+
+    def compared(count: int) -> None:
+        nonlocal done
+        done += count
         progress(done, len(pairs), "pairs of photographs compared")
+
+    tasks: dict[Shard, PairsTask] = {}
+    for first in ordered(range(0, len(pairs), size)):
+        chunk = tuple(of_database[first : first + size])
+        if new := tuple(pair for pair in chunk if pair in left):
+            shard = Shard.of_pairs(database.parent / SHARDS, chunk)
+            if shard.take(database):
+                compared(len(new))
+            else:
+                tasks[shard] = PairsTask(pairs=chunk, new=new)
+    while tasks:
+        _run([*tasks.values()], database, config.seed, compared)
+        tasks = {shard: task for shard, task in tasks.items() if not shard.take(database)}  # a torn one is made again
+
+
+def _run(tasks: list[PairsTask], database: Path, seed: int, compared: Callable[[int], None]) -> None:
+    """Compare shards of pairs in processes side by side."""
+    count, lock = min(threads(), len(tasks)), Lock()
+
+    def run(first: int) -> None:
+        def report(line: str) -> None:
+            with lock:
+                compared(int(line))
+
+        job = MatchJob(database=database, shards=database.parent / SHARDS, seed=seed, tasks=tuple(tasks[first::count]))
+        lighter = "lower matching.max_features"
+        run_worker("aug3d_core.sfm.match_worker", job, report, "a matching worker", lighter, ONE_THREAD)
+
+    with ThreadPoolExecutor(count) as pool:
+        list(pool.map(run, range(count)))
 
 
 def store_sorted(database: Path, target: Path) -> None:

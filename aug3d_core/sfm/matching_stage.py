@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 import time
@@ -120,13 +121,13 @@ def _find(inputs: Inputs, config: MatchingConfig, out: Path, progress: Progress,
 
 
 class _Clock:
-    """Wall and processor seconds between calls; the work runs in threads of this process."""
+    """Wall and processor seconds between calls; the work runs in threads of this process, and in workers that have ended."""
 
     def __init__(self) -> None:
-        self.last = time.monotonic(), time.process_time()
+        self.last = time.monotonic(), sum(os.times()[:4])
 
     def lap(self) -> tuple[float, float]:
-        (wall, cpu), self.last = self.last, (time.monotonic(), time.process_time())
+        (wall, cpu), self.last = self.last, (time.monotonic(), sum(os.times()[:4]))
         return round(self.last[0] - wall, 3), round(self.last[1] - cpu, 3)
 
 

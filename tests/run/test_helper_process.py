@@ -71,6 +71,15 @@ def test_the_worker_stays_in_the_process_group_that_is_killed_with_the_stage(pre
     assert [int(line) for line in told] == [os.getpgrp()]
 
 
+def test_it_has_this_processs_environment_and_what_is_set_beside_it(pretend, monkeypatch):
+    pretend('echo "$HERE $THERE"')
+    monkeypatch.setenv("HERE", "as it is")
+    monkeypatch.setenv("THERE", "as it is")
+    told: list[str] = []
+    run_worker("nothing", LittleJob(count=2), told.append, "the little worker", "carry less", {"THERE": "set"})
+    assert told == ["as it is set"]
+
+
 def test_a_failure_is_told_with_the_last_words(pretend):
     pretend("seq 100 >&2; echo 'mesh is broken' >&2; exit 3")
     with pytest.raises(
