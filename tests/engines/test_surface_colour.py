@@ -86,7 +86,7 @@ def test_what_is_masked_in_every_photo_has_no_colour(tmp_path):
     sheet = square(8, 0.0)
     photographs = Photographs(views, np.arange(1), tmp_path, tmp_path / "masks", sheet, 0.5)
     normals = np.tile([0.0, 0, 1], (len(sheet.xyz), 1))
-    known = photographs.paint(Places(sheet.xyz, normals), 1, lambda: None).known
+    known = photographs.paint(Places(sheet.xyz, normals), 1, lambda: None, "sheet").known
     assert not known[sheet.xyz[:, 0] > 0.25].any()
     assert known[sheet.xyz[:, 0] < -0.6].all()
 
