@@ -13,6 +13,7 @@ from pathlib import Path
 import pycolmap
 
 FEATURE_TABLES, MATCH_TABLES = ("keypoints", "descriptors"), ("matches", "two_view_geometries")
+_TORN = (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)  # what SQLite says of half a file
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,10 @@ class Shard:
         return cls(folder / f"{kind}_{name}.db", tables, ids)
 
     def take(self, database: Path) -> bool:
-        """Copy it into a database if it is there; return whether it was. One that a power cut tore is deleted."""
+        """Copy it into a database if it is there; return whether it was. One that a power cut tore is deleted.
+
+        Raises sqlite3.DatabaseError if the database cannot take it: the disk may be full.
+        """
         if not self.file.exists():
             return False
         with closing(sqlite3.connect(database, uri=True)) as connection:
@@ -48,7 +52,9 @@ class Shard:
                 for table in self.tables:
                     connection.execute(f"INSERT OR IGNORE INTO main.{table} SELECT * FROM shard.{table}")
                 connection.commit()
-            except sqlite3.DatabaseError:
+            except sqlite3.DatabaseError as error:
+                if error.sqlite_errorcode & 0xFF not in _TORN:
+                    raise
                 self.file.unlink(missing_ok=True)
                 return False
         return True
