@@ -183,6 +183,7 @@ def other_site() -> Iterator[int]:
 def page(context: BrowserContext) -> Iterator[Page]:
     page = context.new_page()
     page.set_default_timeout(60_000)
+    expect.set_options(timeout=60_000)  # the line above does not cover it, and 5 s are too few on a busy machine
     yield page
     page.close()
 

@@ -51,6 +51,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def page(report: Path) -> Iterator[Page]:
     """Open the report; it must not run into its own content security policy."""
+    expect.set_options(timeout=60_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page, said = browser.new_page(viewport={"width": _WIDTH, "height": _HEIGHT}), []
