@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from aug3d_core.dataset.bounds import near_far
-from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene
+from aug3d_core.dataset.scene import FINER, REAL, RENDERED, SPLITS, Scene, no_fine_images
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert, look_at
@@ -100,6 +100,10 @@ def _pack(
     intrinsics = np.tile([0.9 * width, 0.9 * width, width / 2, height / 2], (n, 1))
     shot = [_shoot(world, pose, k, width, height) for pose, k in zip(poses, intrinsics, strict=True)]
     colours, depths = (np.stack(part) for part in zip(*shot, strict=True))
+    fine = [
+        _shoot(world, pose, FINER * k, FINER * width, FINER * height)[0]
+        for pose, k in zip(poses[:real], intrinsics, strict=False)
+    ]
     column = np.arange(real) // 6
     role = np.where(column == 3, "gap", np.where(column < 3, "train", "support"))
     role[(column > 3) & (np.arange(real) % 3 == 1)] = "target"
@@ -109,6 +113,9 @@ def _pack(
     source = np.where(np.arange(n) < real, REAL, RENDERED).astype(np.uint8)
     return Scene(
         images=np.rint(colours * 255).astype(np.uint8),
+        fine_images=np.concatenate(
+            [np.rint(np.stack(fine) * 255).astype(np.uint8), no_fine_images(n - real, size_px)[:]]
+        ),
         alpha=np.full((n, height, width), 255, np.uint8),
         depth=np.where(source[:, None, None] == RENDERED, depths, 0).astype(np.float16),
         scaffold=depths.astype(np.float16),

@@ -30,6 +30,10 @@ class Fit:
     width_px: int
     height_px: int
 
+    def times(self, factor: int) -> Fit:
+        """Return the same crop for a view so many times as wide and high."""
+        return Fit(self.crop, factor * self.width_px, factor * self.height_px)
+
     @property
     def kept_share(self) -> float:
         """Share of the source's pixels that the crop keeps (left + right edges are the source's width)."""

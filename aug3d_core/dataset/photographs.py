@@ -11,7 +11,7 @@ from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.real import packed_alpha, packed_colour, seen_depths
-from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
+from aug3d_core.dataset.scene import FINER, GROUPS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -28,14 +28,16 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
     fits = [fit(int(w), int(h), *size_px) for w, h in views.size]
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
     poses = homogeneous(invert(views.cam_from_world))
-    images, alpha, bounds = [], [], []
+    images, fine, alpha, bounds = [], [], [], []
     for view, (crop, pose) in enumerate(zip(fits, poses, strict=True)):
         images.append(packed_colour(sfm, int(views.photo_id[view]), crop))
+        fine.append(packed_colour(sfm, int(views.photo_id[view]), crop.times(FINER)))
         alpha.append(packed_alpha(sfm, int(views.photo_id[view]), crop))
         bounds.append(near_far(slab, pose, intrinsics[view], size_px, seen_depths(views, points, tracks, view)))
     shape = (count, size_px[1], size_px[0])
     scene = Scene(
         images=np.stack(images),
+        fine_images=np.stack(fine),
         alpha=np.stack(alpha),
         depth=np.zeros(shape, np.float16),
         scaffold=np.zeros(shape, np.float16),

@@ -14,7 +14,7 @@ from aug3d_core.dataset.bounds import depths_in, near_far
 from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import Fit, fit
-from aug3d_core.dataset.scene import SPLITS
+from aug3d_core.dataset.scene import FINER, SPLITS
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
 from aug3d_core.geometry.depth_maps import read_map
@@ -32,6 +32,7 @@ class RealViews:
     """The photographs of a scene at packed size; rows as in sfm's Views."""
 
     images: UInt8[OnDemand, "n h w 3"]
+    fine_images: UInt8[OnDemand, "n h2 w2 3"]
     alpha: UInt8[OnDemand, "n h w"]  # 0 where masked
     depth: Float16[OnDemand, "n h w"]  # by stereo, of training photographs; 0 where it is not sure
     world_from_cam: Float[np.ndarray, "n 4 4"]
@@ -62,8 +63,14 @@ def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: Datase
         shown = packed_alpha(sfm, photo_id, fits[view]) > 0
         return np.where(shown, _stereo(depth, photo_id, config), np.float16(0))
 
+    def colours(times: int) -> OnDemand:
+        at = [one.times(times) for one in fits]
+        shape = (times * size[1], times * size[0], 3)
+        return OnDemand(len(views), shape, np.uint8, lambda i: packed_colour(sfm, int(views.photo_id[i]), at[i]))
+
     return RealViews(
-        OnDemand(len(views), (*size[::-1], 3), np.uint8, lambda i: packed_colour(sfm, int(views.photo_id[i]), fits[i])),
+        colours(1),
+        colours(FINER),
         OnDemand(*shape, np.uint8, lambda i: packed_alpha(sfm, int(views.photo_id[i]), fits[i])),
         OnDemand(*shape, np.float16, lambda i: stereo(i) if train[i] else np.zeros(size[::-1], np.float16)),
         world_from_cam,

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Float16, Int, UInt8
+from PIL import Image
 
-from aug3d_core.dataset.by_view import ByView
+from aug3d_core.dataset.by_view import ByView, OnDemand
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.run.errors import InputError
 
@@ -23,6 +24,7 @@ else:
     Pictures = np.ndarray | ByView
 
 REAL, RENDERED = 0, 1
+FINER = 2
 LEAST_SHOWN = 128  # alpha from which a pixel counts
 # `splits` holds an index into these; rendered views are all `train`
 SPLITS = ("train", "gap", "support", "target", "spare")
@@ -33,6 +35,7 @@ class Scene:
     """All views of one scene, its groups, and the mesh render at the test targets."""
 
     images: UInt8[Pictures, "n h w 3"]
+    fine_images: UInt8[Pictures, "n h2 w2 3"]  # the same, FINER times as wide and high; 0 of views that have none
     alpha: UInt8[Pictures, "n h w"]
     depth: Float16[Pictures, "n h w"]  # exact of renders, by stereo of training photographs
     scaffold: Float16[Pictures, "n h w"]  # of a mesh that was made without the test's targets
@@ -59,6 +62,14 @@ class Scene:
         shown = self.alpha[view] >= LEAST_SHOWN
         return None if shown.all() else shown
 
+    def fine(self, views: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "v h2 w2 3"]:
+        """Return the fine images of some views; of those that have none, their images enlarged."""
+        found = np.array(self.fine_images[views])
+        for row, view in enumerate(views):
+            if not found[row].any():
+                found[row] = enlarged(self.images[view])
+        return found
+
     @property
     def height_px(self) -> int:
         """Height of every view."""
@@ -70,7 +81,7 @@ class Scene:
         return self.images.shape[2]
 
 
-PICTURES = ("images", "alpha", "depth", "scaffold")  # of every view; all else of a scene is small
+PICTURES = ("images", "fine_images", "alpha", "depth", "scaffold")  # of every view; all else of a scene is small
 VIEW_ARRAYS = (
     *PICTURES,
     "world_from_cam",
@@ -85,12 +96,28 @@ BASELINE_ARRAYS = ("baseline_view", "baseline_images", "baseline_alpha")
 GROUPS = ("real", "rendered", "test")
 
 
+def enlarged(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h2 w2 3"]:
+    """Return an image FINER times as wide and high, between whose pixels it is smooth."""
+    height, width = image.shape[:2]
+    size = (FINER * width, FINER * height)
+    return np.asarray(Image.fromarray(np.ascontiguousarray(image)).resize(size, Image.Resampling.BILINEAR))
+
+
+def no_fine_images(count: int, size_px: tuple[int, int]) -> Any:
+    """Return the fine images of so many views, of a size (width, height), that have none."""
+    nothing = np.zeros((FINER * size_px[1], FINER * size_px[0], 3), np.uint8)
+    return OnDemand(count, nothing.shape, np.uint8, lambda _: nothing)
+
+
 def check(scene: Scene, name: str) -> Scene:
     """Return the scene if it can be used; raise InputError with the view or group at fault otherwise."""
     again = "pack the scene again (stage dataset)"
     for array in VIEW_ARRAYS:
         if len(getattr(scene, array)) != len(scene):
             raise InputError(f"{name}: {array} has {len(getattr(scene, array))} rows for {len(scene)} views", again)
+    fine = (len(scene), FINER * scene.height_px, FINER * scene.width_px, 3)
+    if scene.fine_images.shape != fine:
+        raise InputError(f"{name}: fine_images has the shape {scene.fine_images.shape}, not {fine}", again)
     near, far = scene.near_far.T
     if not np.all((near > 0) & (near < far) & np.isfinite(far)):
         view = int(np.flatnonzero(~((near > 0) & (near < far) & np.isfinite(far)))[0])

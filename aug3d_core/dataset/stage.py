@@ -23,7 +23,7 @@ from aug3d_core.dataset.leaks import Check, Sight, audit, report
 from aug3d_core.dataset.real import RealViews, pack_real
 from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendered
 from aug3d_core.dataset.scaffold import scaffold_depth
-from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check
+from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check, no_fine_images
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.dataset.writer import write
 from aug3d_core.domes.files import CAMERAS
@@ -51,6 +51,7 @@ CONVENTIONS = {
     "groups/test/members": "a target first, then its inputs, best first",
     "slab": "ground plane z = a x + b y + c; heights above it from low to high",
     "images": CONVENTION,
+    "fine_images": "photographs twice as wide and high; 0 of renders",
 }
 SOURCES = (
     ("sfm", VIEWS),
@@ -110,6 +111,7 @@ def _assemble(
     groups = groups | {"rendered": n + np.arange(m).reshape(-1, k)}
     return Scene(
         images=joined(real.images, rendered.images),
+        fine_images=joined(real.fine_images, no_fine_images(m, size_px)),
         alpha=joined(real.alpha, rendered.alpha),
         depth=joined(real.depth, rendered.depth),
         scaffold=joined(scaffold, rendered.depth),

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional as F
 
-from aug3d_core.dataset.scene import Scene
+from aug3d_core.dataset.scene import FINER, Scene
 from aug3d_core.geometry.transforms import invert
 
 _LEAST_DEPTH = 1e-3  # of the distance to the ground
@@ -56,6 +56,11 @@ class Target:
         """Return the rays in the middle of squares of so many pixels."""
         rays = _pooled(self.rays.movedim(-1, 0), stride).movedim(0, -1)
         return Target(rays, _pooled(self.rise[None], stride)[0], self.height, self.far)
+
+    def finer(self) -> Target:
+        """Return the rays through FINER x FINER parts of each pixel."""
+        rays = _finer(self.rays.movedim(-1, 0)).movedim(0, -1)
+        return Target(rays, _finer(self.rise[None])[0], self.height, self.far)
 
     def depth_at(self, height: Float[Tensor, "*p h w"]) -> Float[Tensor, "*p h w"]:
         """Return the depth at which rays are at a height; those that never are end far away."""
@@ -119,8 +124,22 @@ class Inputs:
         return (turned * there).sum(0) * torch.rsqrt((turned**2).sum(0) * (there**2).sum(0) + 1e-12)
 
 
+def fine_colours(
+    target: Target, inputs: Inputs, fine: Float[Tensor, "v 3 y2 x2"], heights: Float[Tensor, "h w"]
+) -> Float[Tensor, "v 3 h w"]:
+    """Return what fine images show at heights of a target's rays: the mean of each pixel's parts.
+
+    A pixel is the light of its whole square; looked up at one place of an image of its own size it is what that image has
+    made of four pixels, and softer than a photograph.
+    """
+    finer = target.finer()
+    heights = F.interpolate(heights[None, None], size=finer.rise.shape, mode="bilinear", align_corners=False)[0]
+    xy_px, _ = inputs.project(finer, finer.depth_at(heights))
+    return F.avg_pool2d(lookup(fine, xy_px, 1 / FINER)[:, :, 0], FINER)
+
+
 def lookup(
-    maps: Float[Tensor, "v c y x"], xy_px: Float[Tensor, "v p h w 2"], stride: int, mode: str = "bilinear"
+    maps: Float[Tensor, "v c y x"], xy_px: Float[Tensor, "v p h w 2"], stride: float, mode: str = "bilinear"
 ) -> Float[Tensor, "v c p h w"]:
     """Interpolate maps, of which a feature stands for the middle of a square of `stride` pixels; the border is repeated."""
     size = torch.tensor([maps.shape[3] * stride, maps.shape[2] * stride], device=maps.device)
@@ -134,6 +153,17 @@ def on_device(array: np.ndarray, device: torch.device) -> Tensor:
     if array.dtype.itemsize > np.dtype(np.float32).itemsize:
         array = array.astype(np.float32)
     return torch.tensor(array, device=device).float()  # sent as it is stored: pictures are a quarter as large as bytes
+
+
+def _finer(values: Float[Tensor, "c h w"]) -> Float[Tensor, "c h2 w2"]:
+    """Return what is linear in a pixel's place at the middles of the pixel's parts."""
+    for axis in (1, 2):
+        count = values.shape[axis]
+        step = values.narrow(axis, 1, 1) - values.narrow(axis, 0, 1)
+        parts = (torch.arange(FINER, device=values.device) + 0.5) / FINER - 0.5
+        shape = [1, -1, 1] if axis == 1 else [1, 1, -1]
+        values = values.repeat_interleave(FINER, axis) + parts.repeat(count).view(shape) * step
+    return values
 
 
 def _pooled(values: Float[Tensor, "c h w"], stride: int) -> Float[Tensor, "c y x"]:

@@ -19,7 +19,7 @@ from zarr.codecs import ZstdCodec
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, PICTURES, VIEW_ARRAYS, Scene
 
 FORMAT = "aug3d scene"
-VERSION = 2
+VERSION = 3
 PER_VIEW_PX = (*PICTURES, "baseline_images", "baseline_alpha")  # arrays with a chunk for each view
 
 

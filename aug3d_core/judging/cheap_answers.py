@@ -11,7 +11,7 @@ from jaxtyping import Float, Int, UInt8
 
 from aug3d_core.dataset.projection import ground_points, project
 from aug3d_core.dataset.rays import pixel_centres
-from aug3d_core.dataset.scene import LEAST_SHOWN, Scene
+from aug3d_core.dataset.scene import FINER, LEAST_SHOWN, Scene
 from aug3d_core.judging.warped_answers import guided_blend, plane_sweep
 
 
@@ -49,7 +49,7 @@ def ground_homography(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) 
         xy_px, ahead = project(scene, view, ground)
         inside = ((xy_px >= 0) & (xy_px <= [scene.width_px, scene.height_px])).all(axis=1) & reached & ahead
         inside[inside] = bilinear(scene.alpha[view][..., None], xy_px[inside])[:, 0] >= LEAST_SHOWN
-        answer[inside] = bilinear(scene.images[view], xy_px[inside])
+        answer[inside] = _mean_of_parts(scene.fine(np.array([view]))[0], xy_px[inside])
     return _round(answer.reshape(scene.images[target].shape))
 
 
@@ -74,6 +74,12 @@ def bilinear(image: UInt8[np.ndarray, "h w c"], xy_px: Float[np.ndarray, "p 2"])
     u, v = (x - left)[:, None], (y - top)[:, None]
     upper = image[top, left] * (1 - u) + image[top, right] * u
     return upper * (1 - v) + (image[bottom, left] * (1 - u) + image[bottom, right] * u) * v
+
+
+def _mean_of_parts(fine: UInt8[np.ndarray, "h w c"], xy_px: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p c"]:
+    """Return what a fine image shows in the squares of a pixel about positions that are given in pixels."""
+    parts = (np.arange(FINER) + 0.5) / FINER - 0.5
+    return np.mean([bilinear(fine, FINER * (xy_px + np.array([x, y]))) for x in parts for y in parts], axis=0)
 
 
 def _round(values: np.ndarray) -> UInt8[np.ndarray, "h w 3"]:

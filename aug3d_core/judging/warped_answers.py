@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.dataset.warp import Inputs, Target, lookup, on_device
+from aug3d_core.dataset.warp import Inputs, Target, fine_colours, lookup, on_device
 from aug3d_core.heads.head import to_8_bit
 
 PLANES, WINDOW_PX = 64, 5
@@ -25,22 +25,22 @@ _CPU = torch.device("cpu")
 @torch.inference_mode()
 def plane_sweep(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
     """Return the inputs' colours where planes between the slab's bottom and top make them agree best."""
-    rays, cameras, rgba = _seen(scene, target, inputs)
+    rays, cameras, rgba, fine = _seen(scene, target, inputs)
     cost = torch.stack([_disagreement(rays, cameras, rgba, height) for height in _heights()])
     share = (-cost / _SOFT).softmax(dim=0)
     height = (share * _heights()[:, None, None]).sum(dim=0)
-    colour, _ = _blend(rays, cameras, rgba, rays.depth_at(height), None)
+    colour, _ = _blend(rays, cameras, rgba, fine, rays.depth_at(height), None)
     return to_8_bit(colour.movedim(0, -1).numpy())
 
 
 @torch.inference_mode()
 def guided_blend(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UInt8[np.ndarray, "h w 3"]:
     """Return the inputs' colours at the depth of the scaffold, from inputs that it does not hide."""
-    rays, cameras, rgba = _seen(scene, target, inputs)
+    rays, cameras, rgba, fine = _seen(scene, target, inputs)
     depth = on_device(scene.scaffold[target], _CPU)
     scaffolds = on_device(scene.scaffold[inputs], _CPU)[:, None]
     there = torch.where(depth > 0, depth, rays.depth_at(torch.full_like(depth, 0.5)))
-    colour, seen = _blend(rays, cameras, rgba, there, scaffolds)
+    colour, seen = _blend(rays, cameras, rgba, fine, there, scaffolds)
     answer = to_8_bit(colour.movedim(0, -1).numpy())
     row = int(np.flatnonzero(scene.baseline_view == target)[0])
     bare = ~(seen & (depth > 0)).numpy() & (scene.baseline_alpha[row] >= 128)
@@ -48,13 +48,16 @@ def guided_blend(scene: Scene, target: int, inputs: Int[np.ndarray, " v"]) -> UI
     return answer
 
 
-def _seen(scene: Scene, target: int, inputs: np.ndarray) -> tuple[Target, Inputs, Float[Tensor, "v 4 y x"]]:
+def _seen(
+    scene: Scene, target: int, inputs: np.ndarray
+) -> tuple[Target, Inputs, Float[Tensor, "v 4 y x"], Float[Tensor, "v 3 y2 x2"]]:
     rgba = np.concatenate([scene.images[inputs], scene.alpha[inputs][..., None]], axis=-1) / 255
     window = (0, 0, scene.width_px, scene.height_px)
     return (
         Target.of(scene, target, window, _CPU),
         Inputs.of(scene, target, inputs, _CPU),
         on_device(rgba, _CPU).movedim(-1, 1).contiguous(),
+        on_device(scene.fine(inputs) / 255, _CPU).movedim(-1, 1).contiguous(),
     )
 
 
@@ -83,6 +86,7 @@ def _blend(
     rays: Target,
     cameras: Inputs,
     rgba: Float[Tensor, "v 4 y x"],
+    fine: Float[Tensor, "v 3 y2 x2"],
     depth: Float[Tensor, "h w"],
     scaffolds: Float[Tensor, "v 1 y x"] | None,
 ) -> tuple[Float[Tensor, "3 h w"], Bool[Tensor, "h w"]]:
@@ -93,4 +97,5 @@ def _blend(
     if scaffolds is not None:
         seen = seen & ~cameras.hidden(rays, depth, scaffolds, xy_px)
     weight = (seen + 1e-6) / (1 - cameras.cosines(rays, depth) + _LEAST_ANGLE)
-    return (pixels[:, :3] * (weight / weight.sum(dim=0))[:, None]).sum(dim=0), seen.any(dim=0)
+    colours = fine_colours(rays, cameras, fine, rays.height_of(depth))
+    return (colours * (weight / weight.sum(dim=0))[:, None]).sum(dim=0), seen.any(dim=0)

@@ -14,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float, UInt8
 
 from aug3d_core.dataset.bounds import depths_in, near_far
-from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.images import Fit, fit
 from aug3d_core.dataset.projection import middle_ground
-from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, Scene
+from aug3d_core.dataset.scene import BASELINE_ARRAYS, FINER, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.geometry.camera_models import same_shape, scaled
 from aug3d_core.geometry.ply import Mesh
@@ -61,19 +62,21 @@ def outside_scene(file: Path, trained_on: Scene) -> Scene:
     entries = read_transforms(file)
     size_px = (trained_on.width_px, trained_on.height_px)
     slab, points = _ground(file, trained_on.slab)
-    images, intrinsics, bounds, budget = [], [], [], decoding_budget()
+    images, fine, intrinsics, bounds, budget = [], [], [], [], decoding_budget()
     poses = homogeneous(invert(np.stack([entry.cam_from_world for entry in entries])))
     for entry, pose in zip(entries, poses, strict=True):
-        colour, camera = _packed(file, entry, size_px, budget)
+        crop, rgb, camera = _photograph(file, entry, size_px, budget)
         seen = depths_in(entry.cam_from_world, points) if points is not None else np.zeros(0)
         height = abs(float(slab.height(pose[:3, 3])))
-        images.append(colour)
+        images.append(crop.colour(rgb))
+        fine.append(crop.times(FINER).colour(rgb))
         intrinsics.append(camera)
         bounds.append(near_far(slab, pose, camera, size_px, seen if len(seen) else np.array([height, 2 * height])))
     count = len(entries)
     scene = replace(
         trained_on,
         images=np.stack(images),
+        fine_images=np.stack(fine),
         alpha=np.full((count, *images[0].shape[:2]), 255, np.uint8),
         depth=np.zeros((count, *images[0].shape[:2]), np.float16),
         scaffold=np.zeros((count, *images[0].shape[:2]), np.float16),
@@ -114,8 +117,10 @@ def _ground(file: Path, otherwise: Slab) -> tuple[Slab, np.ndarray | None]:
     return slab_of(points, OUTLIER_SHARE, MARGIN_SHARE), points
 
 
-def _packed(file: Path, entry: Entry, size_px: tuple[int, int], budget: MemoryBudget) -> tuple[np.ndarray, np.ndarray]:
-    """Return a photograph and its (fx, fy, cx, cy) at packed size."""
+def _photograph(
+    file: Path, entry: Entry, size_px: tuple[int, int], budget: MemoryBudget
+) -> tuple[Fit, UInt8[np.ndarray, "h w 3"], Float[np.ndarray, " 4"]]:
+    """Return the crop of a photograph to the packed size, its colours, and its (fx, fy, cx, cy) at that size."""
     _, camera = entry.names[0]
     if camera.model != "PINHOLE":
         raise InputError(
@@ -136,7 +141,7 @@ def _packed(file: Path, entry: Entry, size_px: tuple[int, int], budget: MemoryBu
             "give the photograph that the camera belongs to, or a copy resized without cropping",
         )
     crop = fit(width, height, *size_px)
-    return crop.colour(rgb), crop.intrinsics(np.array(scaled(camera, width, height).params))
+    return crop, rgb, crop.intrinsics(np.array(scaled(camera, width, height).params))
 
 
 def _photo(file: Path, entry: Entry) -> Path:

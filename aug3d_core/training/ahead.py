@@ -38,5 +38,5 @@ class Ahead:
             for name in PICTURES:
                 array = getattr(self._scenes[group.scene], name)
                 if isinstance(array, OnDisk):
-                    array.fetch(views)
+                    array.fetch(group.inputs if name == "fine_images" else views)
         return groups

@@ -169,6 +169,7 @@ def halved(scene: Scene) -> Scene:
     return replace(
         scene,
         images=mean(scene.images),
+        fine_images=scene.images[:, : 2 * high, : 2 * wide],
         alpha=mean(scene.alpha),
         depth=scene.depth[every_other],
         scaffold=scene.scaffold[every_other],

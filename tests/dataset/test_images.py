@@ -40,6 +40,17 @@ def test_a_point_keeps_its_place_in_the_picture(width, height):
     assert project(point, crop.intrinsics(source)) == pytest.approx(share * [8, 6])
 
 
+@pytest.mark.parametrize("factor", [1, 2, 4])
+def test_a_pixel_is_the_mean_of_what_a_finer_view_shows_in_it(factor):
+    rgb = np.random.default_rng(2).integers(0, 256, (50, 64, 3), dtype=np.uint8)
+    crop = fit(64, 50, 8, 6)
+    fine = crop.times(factor)
+    parts = fine.colour(rgb).reshape(6, factor, 8, factor, 3).mean(axis=(1, 3))
+    assert np.abs(parts - crop.colour(rgb)).max() <= 1
+    source = np.array([50.0, 51.0, 30.0, 25.0])
+    assert np.allclose(fine.intrinsics(source), factor * crop.intrinsics(source))
+
+
 def test_holes_do_not_colour_what_is_covered():
     rgb = np.zeros((4, 4, 3), np.uint8)
     alpha, depth = np.zeros((4, 4), np.uint8), np.zeros((4, 4), np.float32)

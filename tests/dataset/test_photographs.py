@@ -37,6 +37,7 @@ def test_photographs_are_packed_with_their_cameras(tmp_path):
     scene = scene_of_photographs(flight(tmp_path, 5), (40, 32), 0.005, 0.1)
     assert scene.images.shape == (5, 32, 40, 3)
     assert scene.images[3].mean() == 43
+    assert scene.fine_images.shape == (5, 64, 80, 3) and scene.fine_images[3].mean() == 43
     assert scene.photo_id.tolist() == [100, 101, 102, 103, 104]
     assert (scene.splits == SPLITS.index("support")).all()
     assert np.allclose(scene.world_from_cam[:, :3, 3], [[4 * i, 0, 30] for i in range(5)])
@@ -54,7 +55,7 @@ def test_what_is_masked_is_a_hole_and_its_colours_are_gone(tmp_path):
     pixels[:, 60:] = 250
     Image.fromarray(pixels).save(folder / VIEW_IMAGES / image_name(102))
     scene = scene_of_photographs(folder, (40, 32), 0.005, 0.1)
-    assert (scene.images[2] == 42).all()
+    assert (scene.images[2] == 42).all() and (scene.fine_images[2] == 42).all()
     assert (scene.alpha[2] == 0).mean() == pytest.approx(0.23, abs=0.03)
     assert (scene.alpha[[0, 1, 3, 4]] == 255).all()
 

@@ -29,6 +29,7 @@ def test_photographs_of_other_sizes_and_shapes_are_packed_to_one(tmp_path):
     for photo_id, (width, height) in enumerate(sizes.tolist()):
         stripes = np.zeros((height, width, 3), np.uint8)
         stripes[height // 2 :] = 200
+        stripes[:, width // 2 :] += 20
         Image.fromarray(stripes).save(tmp_path / VIEW_IMAGES / image_name(photo_id))
     views.save(tmp_path / VIEWS)
     rng = np.random.default_rng(0)
@@ -40,6 +41,9 @@ def test_photographs_of_other_sizes_and_shapes_are_packed_to_one(tmp_path):
     packed = pack_real(tmp_path, tmp_path, tmp_path, Slab(0, 0, 0, -1, 4), DatasetConfig(width_px=20, height_px=16))
     assert packed.images.shape == (3, 16, 20, 3)
     assert np.array_equal(packed.images[0], packed.images[1])
+    assert packed.fine_images.shape == (3, 32, 40, 3)
+    parts = packed.fine_images[:].reshape(3, 16, 2, 20, 2, 3).mean(axis=(2, 4))
+    assert np.abs(parts - packed.images[:].astype(float)).max() <= 1
     assert np.allclose(packed.intrinsics[0], packed.intrinsics[1])
     assert np.allclose(packed.intrinsics[:, 2:], [10, 8])
     assert packed.intrinsics[2, 0] == 72 * 20 / 60

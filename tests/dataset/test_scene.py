@@ -25,6 +25,11 @@ def test_a_group_with_a_view_that_is_not_there_is_refused(scene):
         check(replace(scene, groups=groups), "scene.zarr")
 
 
+def test_fine_images_of_another_size_are_refused(scene):
+    with pytest.raises(InputError, match=r"fine_images has the shape \(.*, 8, 12, 3\), not \(.*, 16, 24, 3\)"):
+        check(replace(scene, fine_images=scene.images), "scene.zarr")
+
+
 def test_a_target_without_a_mesh_render_is_refused(scene):
     with pytest.raises(InputError, match=f"test view {scene.baseline_view[-1]} has no mesh render"):
         check(replace(scene, **{name: getattr(scene, name)[:-1] for name in BASELINE_ARRAYS}), "scene.zarr")

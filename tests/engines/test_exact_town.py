@@ -49,6 +49,12 @@ def test_it_is_a_data_set_to_train_on_alone(scene):
     assert 60 < scene.images.mean() < 200
 
 
+def test_a_pixel_is_the_mean_of_its_parts(scene):
+    parts = scene.fine_images.reshape(8, 120, 2, 160, 2, 3)
+    assert np.abs(parts.mean(axis=(2, 4)) - scene.images).max() <= 0.5
+    assert parts.astype(float).std(axis=(2, 4)).mean() > 1, "they show more than it"
+
+
 def test_what_a_view_shows_lies_in_the_slab(scene):
     for view in range(len(scene)):
         heights = scene.slab.height(points_of(scene, view))

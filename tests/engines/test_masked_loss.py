@@ -58,11 +58,11 @@ def test_masked_pixels_of_inputs_are_not_blended() -> None:
     """Nothing masked is left in a packed photograph; here it is, and of it only a rim, mixed with what is beside it, shows."""
     scene = toy_scene(0, 48, 36)
     target, *inputs = scene.groups["test"][0, :4].tolist()
-    images = scene.images.copy()
-    images[inputs[0]][HOLE] = (255, 0, 255)
-    alpha = scene.alpha.copy()
-    alpha[inputs[0]][HOLE] = 0
-    seen, hidden = replace(scene, images=images), replace(scene, images=images, alpha=alpha)
+    images, fine, alpha = scene.images.copy(), scene.fine_images.copy(), scene.alpha.copy()
+    images[inputs[0]][HOLE], alpha[inputs[0]][HOLE] = (255, 0, 255), 0
+    fine[inputs[0]][tuple(slice(2 * edge.start, 2 * edge.stop) for edge in HOLE)] = (255, 0, 255)
+    seen = replace(scene, images=images, fine_images=fine)
+    hidden = replace(seen, alpha=alpha)
     torch.manual_seed(0)
     head = build(SWEEP)
     shown, masked = (head.predict_bare(one, target, np.array(inputs)).colour.astype(int) for one in (seen, hidden))

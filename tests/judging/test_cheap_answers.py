@@ -52,10 +52,11 @@ def test_bilinear_is_exact_at_pixel_centres_and_half_way():
 def test_what_is_masked_in_the_inputs_is_in_no_answer_that_can_do_without(flat):
     """As they are packed, nothing of it is left; so here it is put back, in a colour that nothing else has."""
     target, inputs = int(flat.groups["test"][0, 0]), flat.groups["test"][0, 1:4]
-    images, alpha = flat.images.copy(), flat.alpha.copy()
+    images, fine, alpha = flat.images.copy(), flat.fine_images.copy(), flat.alpha.copy()
     images[inputs[0], 5:30, 5:30], alpha[inputs[0], 5:30, 5:30] = (255, 0, 255), 0
-    answers = cheap_answers(replace(flat, images=images, alpha=alpha), target, inputs)
-    bare = cheap_answers(replace(flat, images=images), target, inputs)
+    fine[inputs[0], 10:60, 10:60] = (255, 0, 255)
+    bright = replace(flat, images=images, fine_images=fine)
+    answers, bare = (cheap_answers(one, target, inputs) for one in (replace(bright, alpha=alpha), bright))
     for name in ("ground_homography", "guided_blend", "plane_sweep"):
         green, masked = (one[name].astype(int)[..., 1] for one in (answers, bare))
         assert (masked < 5).sum() > 20 * max((green < 5).sum(), 1), name

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aug3d_core.dataset.scene import no_fine_images
 from aug3d_core.judging.cheap_answers import ground_homography
 from aug3d_core.judging.scores import psnr
 from aug3d_core.judging.warped_answers import guided_blend, plane_sweep
@@ -42,9 +43,9 @@ def test_the_mesh_fills_what_no_input_sees(scene):
 def test_an_input_behind_a_wall_is_not_used(scene):
     """The scaffold of an input that is blind sees something just before its lens."""
     target, inputs = members(scene)
-    scaffold, images = scene.scaffold.copy(), scene.images.copy()
-    scaffold[inputs[0]], images[inputs[0]] = 1.0, 0
-    with_wall = guided_blend(replace(scene, scaffold=scaffold, images=images), target, inputs)
+    scaffold, images, fine = scene.scaffold.copy(), scene.images.copy(), scene.fine_images.copy()
+    scaffold[inputs[0]], images[inputs[0]], fine[inputs[0]] = 1.0, 0, 1
+    with_wall = guided_blend(replace(scene, scaffold=scaffold, images=images, fine_images=fine), target, inputs)
     without = guided_blend(scene, target, inputs[1:])
     assert np.abs(with_wall.astype(int) - without).mean() < 1
 
@@ -58,9 +59,17 @@ def test_a_sweep_finds_boxes_without_being_told(scene):
 @pytest.mark.parametrize("answer", [plane_sweep, guided_blend])
 def test_the_target_is_not_looked_at(scene, answer):
     target, inputs = members(scene)
-    images = scene.images.copy()
-    images[target] = 0
-    assert np.array_equal(answer(scene, target, inputs), answer(replace(scene, images=images), target, inputs))
+    images, fine = scene.images.copy(), scene.fine_images.copy()
+    images[target], fine[target] = 0, 0
+    unseen = replace(scene, images=images, fine_images=fine)
+    assert np.array_equal(answer(scene, target, inputs), answer(unseen, target, inputs))
+
+
+def test_fine_images_bring_it_nearer_to_the_truth(scene):
+    coarse = replace(scene, fine_images=no_fine_images(len(scene), (64, 48)))
+    for target, *inputs in scene.groups["test"]:
+        truth, given = scene.images[target], np.array(inputs[:4])
+        assert psnr(truth, guided_blend(scene, target, given)) > psnr(truth, guided_blend(coarse, target, given))
 
 
 def test_inputs_far_away_are_no_error(scene):

@@ -70,6 +70,7 @@ def test_a_larger_photograph_is_shrunk_with_its_camera(scene, given):
     large.save(given.parent / f"images/{VIEWS[0]}.png")
     outside = outside_scene(given, scene)
     assert np.array_equal(outside.images[0], scene.images[VIEWS[0]])
+    assert np.array_equal(outside.fine_images[0], np.asarray(large))
     assert np.allclose(outside.intrinsics[0], scene.intrinsics[0])
 
 

@@ -20,7 +20,7 @@ from torch import Tensor
 from aug3d_core.dataset.batches import Group, Wanted, draw, pixel_colours
 from aug3d_core.dataset.rays import pixel_rays, view_rays
 from aug3d_core.dataset.reader import read
-from aug3d_core.dataset.scene import Scene
+from aug3d_core.dataset.scene import Scene, no_fine_images
 from aug3d_core.heads.pixelnerf.compositing import Pixels
 from aug3d_core.heads.pixelnerf.model import PixelNeRF, TensorRays
 from aug3d_core.heads.pixelnerf.reference import encode_plainly, render_plainly
@@ -56,6 +56,7 @@ def cropped(scene: Scene, side_px: int) -> Scene:
     return replace(
         scene,
         images=scene.images[:, rows, columns],
+        fine_images=no_fine_images(len(scene), (side_px, side_px)),
         alpha=scene.alpha[:, rows, columns],
         depth=scene.depth[:, rows, columns],
         scaffold=scene.scaffold[:, rows, columns],

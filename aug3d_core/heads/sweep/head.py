@@ -186,10 +186,13 @@ class SweepHead(Head):
         scaffolds = None if start is None else self._tensor(scene.scaffold[views])[:, None]
         rgb = colours(self._tensor(scene.images[views]) / 255)
         alpha = self._tensor(scene.alpha[views])[..., None] / 255
-        rgb = _alike(rays, cameras, rgb, alpha, start, scaffolds)
+        fine = colours(self._tensor(scene.fine(views)) / 255)
+        factors = _exposures(rays, cameras, rgb, alpha, start, scaffolds)
+        rgb, fine = ((picture * factors).clamp(0, 1) for picture in (rgb, fine))
         even = Exposure.of(rgb[None], alpha[None]).even(rgb[None])[0]
         given = Given(
             torch.cat([rgb, alpha], dim=-1).movedim(-1, 1),
+            fine.movedim(-1, 1).contiguous(),
             even.movedim(-1, 1).contiguous(),
             scaffolds,
             start,
@@ -226,16 +229,16 @@ def _reshaped(heights: Float[Tensor, "h w"], noise: torch.Generator | None) -> F
     return ways[_drawn(len(ways), noise)](heights[None])[0]
 
 
-def _alike(
+def _exposures(
     target: Target,
     cameras: Inputs,
     rgb: Float[Tensor, "v y x 3"],
     alpha: Float[Tensor, "v y x 1"],
     start: Float[Tensor, "h w"] | None,
     scaffolds: Float[Tensor, "v 1 y x"] | None,
-) -> Float[Tensor, "v y x 3"]:
-    """Return the inputs with exposures that make them alike where they show the same points: those of the scaffold, or of a
-    level that is good enough for a median. Those that look most as the target does count most: it was exposed as they were.
+) -> Float[Tensor, "v 1 1 3"]:
+    """Return the factors of colours that make the inputs alike where they show the same points: those of the scaffold, or of
+    a level that is good enough for a median. Inputs that look most as the target does count most: it was exposed as they were.
     """
     coarse = target.at_stride(COARSE)
     if start is None:
@@ -252,7 +255,7 @@ def _alike(
     aside = ((1 - cameras.cosines(coarse, depth)) * seen[:, 0]).flatten(1).sum(dim=1) / points.clamp(min=1)
     like = points / (aside + _LEAST_ASIDE)
     usual = (factors.log() * (like / like.sum().clamp(min=1e-6))[:, None]).sum(dim=0)
-    return (rgb * (factors / usual.exp())[:, None, None]).clamp(0, 1)
+    return (factors / usual.exp())[:, None, None]
 
 
 def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:

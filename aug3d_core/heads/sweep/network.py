@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from aug3d_core.dataset.warp import Inputs, Target, lookup
+from aug3d_core.dataset.warp import Inputs, Target, fine_colours, lookup
 from aug3d_core.heads.sweep.config import SweepConfig
 
 COARSE, FINE = 4, 2  # px for each feature
@@ -50,11 +50,12 @@ class Seen(NamedTuple):
 class Given(NamedTuple):
     """What the network is given of the inputs, and of scaffolds where there are any (0 where these have holes).
 
-    rgba: in [0, 1]; what is blended. even: the same at the network's own exposure. scaffolds: depths at the inputs.
-    start: depth at the target.
+    rgba: in [0, 1]. fine: what is blended, FINER times as wide and high. even: colours at the network's own exposure.
+    scaffolds: depths at the inputs. start: depth at the target.
     """
 
     rgba: Float[Tensor, "v 4 y x"]
+    fine: Float[Tensor, "v 3 y2 x2"]
     even: Float[Tensor, "v 3 y x"]
     scaffolds: Float[Tensor, "v 1 y x"] | None = None
     start: Float[Tensor, "h w"] | None = None
@@ -263,9 +264,10 @@ class Blend(nn.Module):
         """Return the colours at a depth, and where any input shows them."""
         xy_px, inside = inputs.project(target, depth[None])
         pixels, known = (lookup(images, xy_px, 1)[:, :, 0] for images in (given.rgba, given.even))
-        colours = pixels[:, :3]
+        heights = target.height_of(depth)
+        colours = fine_colours(target, inputs, given.fine, heights)
         features, guess = lookup(maps, xy_px, FINE)[:, :, 0].split([maps.shape[1] - 1, 1], dim=1)
-        above = guess - target.height_of(depth)  # an input that shows something higher there does not see the point
+        above = guess - heights  # an input that shows something higher there does not see the point
         seen = (inside & (pixels[:, 3:] > 0.5)).float()
         if given.scaffolds is not None:
             seen = seen * ~inputs.hidden(target, depth, given.scaffolds, xy_px)[:, None]

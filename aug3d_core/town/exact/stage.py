@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float16, UInt8
 
 from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.contact import save_contact_sheet
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.images import CONVENTION
-from aug3d_core.dataset.scene import RENDERED, SPLITS, Scene, check
+from aug3d_core.dataset.scene import FINER, RENDERED, SPLITS, Scene, check
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.dataset.writer import write
 from aug3d_core.geometry.transforms import homogeneous, invert
@@ -32,6 +33,7 @@ from aug3d_core.town.generator.terrain import terrain_of
 from aug3d_core.town.generator.town import build_town
 
 _TEXELS = 2.5  # of the ground's texture in a photograph's pixel
+_ONE_SURFACE = 1.02  # times as far: parts of a pixel show the same surface
 _GROUND = 0.5  # quantile of the distances along z that is the scene's scale
 _CONVENTIONS = {
     "world": "z up; east, north, up in metres",
@@ -41,11 +43,12 @@ _CONVENTIONS = {
     "splits": list(SPLITS),
     "slab": "ground plane z = a x + b y + c; heights above it from low to high",
     "images": CONVENTION,
+    "fine_images": "views twice as wide and high",
 }
 
 
 def run(inputs: Inputs, config: ExactTownConfig, out: Path, progress: Progress) -> Outcome:
-    """Build the town, photograph it at the packed size, and pack it."""
+    """Build the town, photograph it at the size of the fine images, and pack it."""
     start, town_config = time.monotonic(), config.town
     scene_rng, flight_rng, defects_rng, camera_rng = np.random.default_rng(town_config.seed).spawn(4)
     terrain, lens = terrain_of(town_config), Lens.of(town_config)
@@ -60,16 +63,19 @@ def run(inputs: Inputs, config: ExactTownConfig, out: Path, progress: Progress) 
     texel_m = town_config.altitude_m / town_config.focal_px / _TEXELS
     town = build_town(town_config, terrain, scene_rng, texel_m)
     with tempfile.TemporaryDirectory() as scratch:
-        studio = Studio.of(town, views, town_config, Path(scratch), depth=True)
-        rgb, alpha, depth = studio.shoot(0, len(views), lambda done: progress(done, len(views), "photographs"))
-    assert depth is not None
+        fine_views = replace(views, intrinsics=FINER * views.intrinsics, size=FINER * views.size)
+        samples = -(-town_config.samples // FINER**2)  # of a pixel as many as are asked for, or a few more
+        fine_config = town_config.model_copy(update={"samples": samples})
+        studio = Studio.of(town, fine_views, fine_config, Path(scratch), depth=True)
+        rgb, alpha, fine_depth = studio.shoot(0, len(views), lambda done: progress(done, len(views), "photographs"))
+    assert fine_depth is not None
     darkroom = Darkroom(
-        views=views, terrain=terrain, lens=lens, defects=Defects.of(town_config, len(views), defects_rng), stamps=[],
+        views=fine_views, terrain=terrain, lens=lens, defects=Defects.of(town_config, len(views), defects_rng), stamps=[],
         noise_levels=town_config.noise_levels, seed=town_config.seed,
     )  # fmt: skip
     exposed = [darkroom.exposed(rgb[view], alpha[view], view) for view in range(len(views))]
-    images = np.stack([_shot(image, config, camera_rng) for image in exposed])
-    scene = _scene(views, images, depth, config)
+    fine = np.stack([_shot(image, config, camera_rng) for image in exposed])
+    scene = _scene(views, fine, np.stack([_of_parts(depth) for depth in fine_depth]), config)
     write(check(scene, SCENE_ZARR), out / SCENE_ZARR, config.shard_views)
     save_contact_sheet(scene, out / "contact_sheet.png")
     return Outcome(
@@ -94,10 +100,21 @@ def _shot(
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
+def _of_parts(fine: Float16[np.ndarray, "h2 w2"]) -> Float16[np.ndarray, "h w"]:
+    """Return the depth of pixels by that of their parts: the middle of a surface, the nearest of several; 0 in the sky."""
+    parts = np.where(fine > 0, fine, np.inf).astype(float)
+    parts = parts.reshape(len(fine) // FINER, FINER, -1, FINER)
+    nearest, farthest = parts.min(axis=(1, 3)), parts.max(axis=(1, 3))
+    middle = 1 / (1 / parts).mean(axis=(1, 3))  # 1 / depth is linear in the image of a plane
+    found = np.where(farthest <= _ONE_SURFACE * nearest, middle, nearest)
+    return np.where(np.isfinite(found), found, 0).astype(np.float16)
+
+
 def _scene(
-    views: Views, images: UInt8[np.ndarray, "n h w 3"], depth: Float[np.ndarray, "n h w"], config: ExactTownConfig
+    views: Views, fine: UInt8[np.ndarray, "n h2 w2 3"], depth: Float16[np.ndarray, "n h w"], config: ExactTownConfig
 ) -> Scene:
-    n, (height, width) = len(views), images.shape[1:3]
+    n, (height, width) = len(views), depth.shape[1:]
+    images = np.rint(fine.reshape(n, height, FINER, width, FINER, 3).mean(axis=(2, 4))).astype(np.uint8)
     slab = slab_of(np.concatenate(net_points(views, depth)), config.outlier_share, config.margin_share)
     world_from_cam = homogeneous(invert(views.cam_from_world))
     seen = [np.asarray(one[one > 0], float) for one in depth]
@@ -111,6 +128,7 @@ def _scene(
     groups = grouped(views, depth, config.k)
     return Scene(
         images=images,
+        fine_images=fine,
         alpha=np.full((n, height, width), 255, np.uint8),
         depth=depth,
         scaffold=depth,

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool
 
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.files import SCENE_ZARR
@@ -27,28 +28,24 @@ def unrelated(folder: Path, dose: float, rng: np.random.Generator) -> None:
     real = np.flatnonzero(scene.source == REAL)
     given = np.flatnonzero(scene.splits == SPLITS.index("support"))
     chosen = rng.permutation(given)[: round(dose * len(given))]
-    at, images = scene.world_from_cam[:, :3, 3], scene.images.copy()
+    at, images, fine = scene.world_from_cam[:, :3, 3], scene.images.copy(), scene.fine_images.copy()
     for view in chosen:
         farthest = real[np.linalg.norm(at[real] - at[view], axis=1).argmax()]
-        images[view] = scene.images[farthest]
-    _write(replace(scene, images=images), folder)
+        images[view], fine[view] = scene.images[farthest], scene.fine_images[farthest]
+    _write(replace(scene, images=images, fine_images=fine), folder)
 
 
 def darker_training(folder: Path, dose: float, _rng: np.random.Generator) -> None:
     """Make every view of training so many times darker; photographs of the test stay as they are."""
     scene = read(folder / SCENE_ZARR)
     dark = scene.splits == SPLITS.index("train")
-    images = scene.images.copy()
-    images[dark] = np.rint(images[dark] / dose).astype(np.uint8)
-    _write(replace(scene, images=images), folder)
+    _write(_lit(scene, dark, 1 / dose), folder)
 
 
 def brighter_inputs(folder: Path, dose: float, _rng: np.random.Generator) -> None:
     """Make the views that the test predicts from so many times as bright."""
     scene = read(folder / SCENE_ZARR)
-    given, images = scene.splits == SPLITS.index("support"), scene.images.copy()
-    images[given] = np.clip(np.rint(images[given] * dose), 0, 255).astype(np.uint8)
-    _write(replace(scene, images=images), folder)
+    _write(_lit(scene, scene.splits == SPLITS.index("support"), dose), folder)
 
 
 def shifted_inputs(folder: Path, dose: float, rng: np.random.Generator) -> None:
@@ -86,6 +83,14 @@ def torn_scaffold(folder: Path, dose: float, rng: np.random.Generator) -> None:
         order = np.min([np.hypot(y - v, x - u) for v, u in middles], axis=0)  # how early a pixel is lost
         depth.ravel()[np.argsort(order, axis=None)[: round(dose * order.size)]] = 0
     _write(replace(scene, scaffold=scaffold), folder)
+
+
+def _lit(scene: Scene, views: Bool[np.ndarray, " n"], times: float) -> Scene:
+    """Return the scene with some views so many times as bright."""
+    lit = {name: getattr(scene, name).copy() for name in ("images", "fine_images")}
+    for pictures in lit.values():
+        pictures[views] = np.clip(np.rint(pictures[views] * times), 0, 255).astype(np.uint8)
+    return replace(scene, **lit)
 
 
 def _write(scene: Scene, folder: Path) -> None:
