@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from aug3d_core.dataset.on_disk import USUAL_BYTES
+from aug3d_core.dataset.scene import FINER
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.estimate.size import SceneSize
 from aug3d_core.heads.config import HeadConfig
@@ -150,6 +151,11 @@ class Scene:
         return self.config.dataset.width_px * self.config.dataset.height_px / MEGA
 
     @cached_property
+    def fine_mpx(self) -> float:
+        """The pixels of all fine images, in millions: photographs have them, rendered views have none."""
+        return self.photos * FINER**2 * self.view_mpx
+
+    @cached_property
     def targets(self) -> float:
         """The photographs that are predicted in a fold's test."""
         return max(0.085 * self.photos, 2.0)
@@ -265,9 +271,12 @@ def _dataset(scene: Scene) -> Work:
     views = scene.photos + scene.virtual_views
     mpx = views * scene.view_mpx
     return Work(
-        one_core_s=0.4 + 0.55 * mpx + 0.06 * scene.photos * scene.photo_mpx,
-        peak_mib=355 + 0.4 * scene.photos + 40 * scene.view_mpx,
-        disk_mib=5.2 * mpx,
+        one_core_s=0.4 + 0.55 * mpx + 0.14 * scene.fine_mpx + 0.09 * scene.photos * scene.photo_mpx,
+        peak_mib=355
+        + 0.4 * scene.photos
+        + 40 * scene.view_mpx
+        + 3 * min(scene.fine_mpx, scene.config.dataset.shard_views * FINER**2 * scene.view_mpx),
+        disk_mib=5.2 * mpx + 2.5 * scene.fine_mpx,
     )
 
 
@@ -278,7 +287,7 @@ def _training(scene: Scene) -> Work:
     return Work(
         one_core_s=15 + group.one_core_s * groups,
         all_cores_s=group.all_cores_s * groups,
-        peak_mib=550 + group.peak_mib * training.groups_per_step,
+        peak_mib=610 + group.peak_mib * training.groups_per_step + min(3 * scene.fine_mpx, _HELD_MIB),
         disk_mib=1,
     )
 
@@ -323,8 +332,8 @@ def _evaluation(scene: Scene) -> Work:
         one_core_s=4 + 0.3 * scene.targets,
         all_cores_s=10 * views * scene.view_mpx * evaluation.input_views / 3 * 1.6,
         peak_mib=390
-        + 4500 * scene.view_mpx
-        + min(8 * (scene.photos + scene.virtual_views) * scene.view_mpx, _HELD_MIB),
+        + (4500 + 2000 * evaluation.input_views / 3) * scene.view_mpx
+        + min(8 * (scene.photos + scene.virtual_views) * scene.view_mpx + 3 * scene.fine_mpx, _HELD_MIB),
         disk_mib=1.5 + 200 * scene.view_mpx,
     )
 
