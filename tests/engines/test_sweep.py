@@ -10,6 +10,7 @@ import torch
 
 from aug3d_core.dataset.batches import Wanted, draw
 from aug3d_core.dataset.projection import project
+from aug3d_core.dataset.scene import no_fine_images
 from aug3d_core.dataset.warp import Inputs, Target, lookup
 from aug3d_core.heads.head import build
 from aug3d_core.heads.sweep.config import SweepConfig
@@ -75,19 +76,29 @@ def test_a_feature_stands_for_the_middle_of_its_square(stride):
 def test_at_the_true_depth_the_blend_shows_the_target(scene):
     """Before it has learned anything: what is left is what the inputs do not show."""
     target, *inputs = scene.groups["test"][0]
-    views = np.array(inputs[:3])
-    network, rays = head().network, Target.of(scene, int(target), WHOLE, CPU)
+    off, shown = blended_error(scene, int(target), np.array(inputs[:3]))
+    flat = np.abs(ground_homography(scene, int(target), np.array(inputs[:3])) / 255.0 - scene.images[target] / 255.0)
+    assert off[shown].mean() < 0.5 * flat[shown].mean()
+
+
+def test_finer_inputs_bring_the_blend_nearer_to_the_target(scene):
+    coarse = replace(scene, fine_images=no_fine_images(len(scene), (scene.width_px, scene.height_px)))
+    for target, *inputs in scene.groups["test"]:
+        (fine, shown), (soft, _) = (blended_error(one, int(target), np.array(inputs[:3])) for one in (scene, coarse))
+        assert (fine[shown] ** 2).mean() < (soft[shown] ** 2).mean()
+
+
+def blended_error(scene, target, views):
+    """Return how far the blend at the true depth is from a photograph, and where any input shows it."""
+    network, rays = head().network, Target.of(scene, target, WHOLE, CPU)
     rgba = torch.from_numpy(np.concatenate([scene.images[views], scene.alpha[views][..., None]], -1) / 255.0).float()
     rgba = rgba.movedim(-1, 1)
     given = Given(rgba, torch.from_numpy(scene.fine(views) / 255.0).float().movedim(-1, 1), rgba[:, :3])
-    depth = torch.from_numpy(true_depth(scene, int(target)))
+    depth = torch.from_numpy(true_depth(scene, target))
     with torch.no_grad():
-        colour, shown = network.blend(rays, Inputs.of(scene, int(target), views, CPU), depth, given,
+        colour, shown = network.blend(rays, Inputs.of(scene, target, views, CPU), depth, given,
                                       torch.zeros(3, 12, 18, 24))  # fmt: skip
-    truth = scene.images[target] / 255.0
-    off = np.abs(colour.movedim(0, -1).numpy() - truth)[shown.numpy()]
-    flat = np.abs(ground_homography(scene, int(target), views) / 255.0 - truth)[shown.numpy()]
-    assert off.mean() < 0.5 * flat.mean()
+    return np.abs(colour.movedim(0, -1).numpy() - scene.images[target] / 255.0), shown.numpy()
 
 
 def true_depth(scene, view):
