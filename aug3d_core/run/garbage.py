@@ -5,10 +5,11 @@ from __future__ import annotations
 import atexit
 import gc
 import time
+from itertools import count
 from threading import Thread
 
 _OBJECTS, _ROUNDS = 100_000, 50  # Python's own: 700, 10
-_APART_EVERY_S = 10.0
+_APART_EVERY_S, _WHOLE_EVERY = 10.0, 30
 
 
 def collect_seldom() -> None:
@@ -26,6 +27,8 @@ def collect_apart(every_s: float = _APART_EVERY_S) -> None:
     Where SQLite refused a statement, since it was locked, its cursor is left to the garbage collector, and whoever lets go of
     a cursor waits while its connection waits for the lock. Done by the thread that serves, that stopped Prefect's server for
     a minute at a time: the lock was its own, in a transaction that it could not go on with.
+
+    What has outlived one look is looked through again only every 5 minutes: PLACEHOLDER
     """
     gc.disable()
     gc.freeze()
@@ -34,6 +37,6 @@ def collect_apart(every_s: float = _APART_EVERY_S) -> None:
 
 
 def _collect(every_s: float) -> None:
-    while True:
+    for look in count(1):
         time.sleep(every_s)
-        gc.collect()
+        gc.collect(2 if look % _WHOLE_EVERY == 0 else 1)

@@ -506,6 +506,49 @@ def test_a_run_that_cannot_be_begun_now_stays_in_line(
     assert run(executed()) == ["AwaitingRetry", "Completed"]
 
 
+def test_prefect_is_asked_for_runs_when_one_is_due_and_there_is_room(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.states import Scheduled
+
+    from flows import pool
+    from flows.deployments import of_scene
+
+    asked: list[str] = []
+    now = ""
+
+    async def ask(self: Any) -> list[Any]:
+        asked.append(now)
+        return []
+
+    monkeypatch.setattr(pool.PoolWorker, "_get_scheduled_flow_runs", ask)
+
+    async def look() -> None:
+        nonlocal now
+        async with get_client() as client, pool.PoolWorker(store, ("rare",), 1) as worker:
+            await pool.make_queue(client, "rare")
+            await worker.sync_with_backend()
+            deployment = await (await of_scene("waits", scene())).aapply()
+
+            async def wait_since(hours: float) -> Any:
+                state = Scheduled(scheduled_time=datetime.now(UTC) + timedelta(hours=hours))
+                return await client.create_flow_run_from_deployment(deployment, state=state, work_queue_name="rare")
+
+            for now in ("at first", "for nothing", "due in an hour", "due", "full", "seen long ago"):
+                if now.startswith("due"):
+                    waits = await wait_since(1.0 if now == "due in an hour" else 0.0)
+                if now == "full":
+                    worker.limiter.acquire_on_behalf_of_nowait(waits.id)
+                if now == "seen long ago":
+                    monkeypatch.setattr(pool, "_SEEN_EVERY_S", 0.0)
+                await worker.get_and_submit_flow_runs()
+            worker.limiter.release_on_behalf_of(waits.id)
+
+    run(look())
+    assert asked == ["at first", "due", "seen long ago"]
+
+
 def test_a_run_that_was_cancelled_or_failed_stays_so(store: Store) -> None:
     from prefect.client.orchestration import get_client
     from prefect.states import Cancelled, Cancelling, Completed, Failed
