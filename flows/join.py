@@ -26,7 +26,7 @@ from flows.serving import PASSWORD, QUEUE, secrets_read
 from flows.settings import HOME, local_environment
 from tasks.ping import unreachable
 
-ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "5"}  # an answer costs the server, which all share, 50 ms of a processor
+ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "5"}  # a question costs the server, which all share, 12 ms of a processor
 _API, _AUTH, _MLFLOW = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "MLFLOW_TRACKING_URI"
 
 

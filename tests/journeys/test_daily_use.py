@@ -116,6 +116,7 @@ def test_a_field_is_changed_in_the_form_and_the_run_outlives_its_worker(
     steps.fill("40")
     page.screenshot(path=SHOTS / "form.png", full_page=True)
     submit(page)
+    page.goto("about:blank")  # a page that is open asks and draws all the while
 
     wait(lambda: at_work(home, "training"), 120, "training begins")
     kill_worker(int(pages["pid"]))
@@ -178,6 +179,7 @@ def test_a_study_is_started_and_its_chart_is_in_the_artifacts(pages: dict[str, s
     page.get_by_text("Custom run", exact=True).click()
     expect(page.get_by_text("only (Optional)", exact=True)).to_be_visible()
     page.screenshot(path=SHOTS / "study_form.png", full_page=True)
+    page.goto("about:blank")
     given = {"scenes": ["town"], "only": ["features"], "quick": True}
     run = ask(pages, f"deployments/{deployment['id']}/create_flow_run", {"parameters": given})
     wait(lambda: run["id"] in [done["id"] for done in by_hand(pages)], 240, "the study ends")
