@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -279,7 +280,7 @@ def _bench(
         with Store(home).lock(layout.BENCH, name, timeout_s=0):
             unfinished = home / layout.BENCH / name
             with console.status("") as status:
-                found = measure(Store(unfinished), scene, _saying(status), console)
+                found = measure(Store(unfinished), scene, _saying(status, console), console)
             told = {
                 "name": name,
                 "machine": describe_machine(),
@@ -301,9 +302,16 @@ def _names(photos: Mapping[str, Path]) -> dict[str, str]:
     return {name: folder.name for name, folder in photos.items()}
 
 
-def _saying(status: Any) -> Say:
+def _saying(status: Any, console: Console) -> Say:
+    """Return what shows progress on a terminal, and tells a log each stage as it begins."""
+    begun = ""
+
     def say(stage: str, done: int, total: int, what: str) -> None:
+        nonlocal begun
         status.update(f"{stage}: {done} of {total} {what}")
+        if stage != begun and not console.is_terminal:
+            console.print(f"{time.strftime('%H:%M:%S')} {stage} ...", highlight=False, markup=False)
+        begun = stage
 
     return say
 
