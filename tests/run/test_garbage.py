@@ -27,6 +27,22 @@ else:
     garbage.collect_apart(0.2)
     print(usual, left(3.0))
 """
+# A loop that outlives looks, and only then is garbage
+OLD = """
+import time, weakref
+from aug3d_core.run import garbage
+garbage._WHOLE_EVERY = 10
+garbage.collect_apart(0.05)
+class Loop: pass
+loop = Loop(); loop.self = loop
+told = weakref.ref(loop)
+time.sleep(0.3)
+del loop
+until = time.monotonic() + 30
+while told() is not None and time.monotonic() < until:
+    time.sleep(0.05)
+print(told())
+"""
 # One connection holds the lock for writing and another waits for it in a thread; a cursor of that one, which was refused
 # before, is garbage.
 LOCKED = """
@@ -73,6 +89,10 @@ def test_loops_of_garbage_are_found(way: str, most: int) -> None:
     usual, left = map(int, told_by(LOOPS, way).split())
     assert usual < 100_000 and left <= most
     assert way == "apart" or usual < left
+
+
+def test_what_becomes_garbage_late_is_found_too() -> None:
+    assert told_by(OLD) == "None"
 
 
 @pytest.mark.parametrize(("way", "told"), [("usual", "database is locked"), ("apart", "written")])
