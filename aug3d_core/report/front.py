@@ -25,6 +25,7 @@ _NARROW, _BESIDE = 8.0, 1.05  # the last of an axis's values over the first; wha
 _LABEL_WIDE, _LABEL_HIGH = 0.35, 0.1  # of the panel: labels nearer than this would cover each other
 _NUMBER_WIDE = 0.03
 _MOST_NAMED, _KEY_WIDE = 20, 75
+_TITLE_WIDE = 53  # characters above a column
 _ROOM, _LEAST_ROOM = 0.2, 0.02  # beyond the highest and the lowest dot
 _AHEAD, _LEAST_S = 1.3, 1e-3
 
@@ -166,7 +167,8 @@ def draw(panels: Sequence[Panel], title: str, path: Path) -> None:
     rows = -(-len(small) // columns)
     figure = Figure(figsize=(5.2 * columns, 5.6 * len(wide) + 3.9 * rows + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=11)
+    lines = (fill(line, _TITLE_WIDE * columns) for line in title.splitlines())
+    figure.suptitle("\n".join(lines), fontsize=11)
     heights = [5.6] * len(wide) + [3.9] * rows
     grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
     for row, panel in enumerate(wide):

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -83,6 +84,14 @@ def test_the_chart_is_drawn_with_failures_and_several_panels(tmp_path: Path) -> 
     draw([*PANELS, *(Panel(name, "error", True, DOTS[:1]) for name in "abc")], "title", tmp_path / "chart.png")
     with Image.open(tmp_path / "chart.png") as image:
         assert image.width > 1000 and image.convert("L").getextrema()[0] < 100
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_a_long_title_stays_within_the_chart(columns: int, tmp_path: Path) -> None:
+    panels = [Panel(name, "error", True, DOTS[:1]) for name in "abc"[:columns]]
+    draw(panels, "town, preset tiny\n" + "dataset.height_px=72 " * 20, tmp_path / "chart.png")
+    grey = np.asarray(Image.open(tmp_path / "chart.png").convert("L"))
+    assert (grey[:, [0, -1]] == 255).all()
 
 
 def test_a_panel_of_failures_alone_is_drawn(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from textwrap import fill
 
 from aug3d_core.report.front import draw
 from aug3d_core.report.front_html import panel_html, script
@@ -26,7 +25,6 @@ from aug3d_core.studies.tradeoff.findings import table as score_table
 from aug3d_core.studies.tradeoff.point import Point
 from aug3d_core.studies.tradeoff.study import TradeoffFindings
 
-_WIDTH = 160  # characters of a line on the chart
 # A chart is drawn as soon as it is read, so a column must have its width before the next chart: auto-fill, not auto-fit.
 _CURVES = "grid-template-columns:repeat(auto-fill,minmax(min(100%,420px),1fr))"
 _WIDE = {True: "", False: "grid-column:1/-1"}  # by whether each dot has its label beside it
@@ -47,7 +45,7 @@ def publication(found: TradeoffFindings, machine: str) -> Publication:
     seeds = "one seed" if found.seeds == 1 else f"medians of up to {found.seeds} seeds"
     title = (
         f"{scene}, preset {own.preset}; {seeds}; {state['found_made']} of {state['outputs']} outputs were in the store\n"
-        f"{fill(' '.join(own.overrides), _WIDTH)}\n{machine}\n"
+        f"{' '.join(own.overrides)}\n{machine}\n"
         "orange: as the scene has it, triangle: auto, star: the cheapest that is enough, hollow: another test"
     )
     return Publication(
