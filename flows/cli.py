@@ -40,7 +40,7 @@ from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.scenes import scenes
 from flows.server import prefect_server
-from flows.settings import OURS, apply_local_environment
+from flows.settings import OURS, apply_local_environment, reach_this_machine_directly
 from flows.status import status
 from flows.study import study
 from flows.study_generalisation import study_generalisation
@@ -297,5 +297,6 @@ app.add_typer(bench, name="bench")
 def main() -> None:
     """Enter from the console script."""
     os.environ.setdefault("PYTHONWARNINGS", "ignore")
+    reach_this_machine_directly()
     collect_seldom()
     app()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 from prefect import flow
@@ -21,17 +22,16 @@ from aug3d_core.collections.versions import (
     collection_metrics,
     held_back,
     new_version,
-    publish,
-    published,
     version_metrics,
     versions,
 )
 from aug3d_core.scene_files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
+from aug3d_core.store.published import publish, published
+from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import share_version, write_metrics
 from aug3d_core.store.store import Store
-from aug3d_core.store.usage import named
 from flows.photographs import material_of
 from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED
 from flows.settings import home
@@ -66,24 +66,32 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
         store, entry, read_each(store), lambda of: through_prefect(store, of), say, partial(material_of, store)
     )
     assert made.training
-    newest, last = versions(store, name)[-1:], published(store, name)
-    objects = [list(item) for item in named(made.records)]
+    newest, last = versions(store, name)[-1:], published(store, name, layout.COLLECTIONS)
+    objects = [list(item) for item in made.objects]
     if last and newest == [last] and version_metrics(last)["objects"] == objects:
-        return Completed(name=UNCHANGED, message=f"nothing changed since {last.name}, which is published")
+        why = "" if (last / layout.TOLD).exists() else _told(store, last, made.training, published=True)
+        return Completed(name=UNCHANGED, message=f"nothing changed since {last.name}, which is published{why}")
     seconds = time.monotonic() - started
     metrics = collection_metrics(name, made, overlapping(store, made.members), code_version(), seconds)
     version = new_version(store, name)
     page.write(store, metrics, made, version / layout.REPORT)
     write_metrics(version, metrics)
-    share_version(store, version, named(made.records))
+    share_version(store, version, made.objects)
     against = held_back(metrics, version_metrics(last) if last else None, entry.publish.most_psnr_drop_db)
     if not against:
-        publish(store, name, version)
-    why = log_collection(store, version, made.training, published=not against)
-    ending = f"; {why}" if why else ""
+        publish(store, version)
+    ending = _told(store, version, made.training, published=not against)
     if against:
         return Failed(name=NOT_PUBLISHED, message=f"{version.name} is not published: {against}{ending}")
     return Completed(name=PUBLISHED, message=f"{version.name} is published: {_reached(metrics)}{ending}")
+
+
+def _told(store: Store, version: Path, training: Record, published: bool) -> str:
+    """Log a version to MLflow, and mark it so; returns what to add to a message where MLflow could not be used."""
+    if why := log_collection(store, version, training, published):
+        return f"; {why}: the next training logs it"
+    (version / layout.TOLD).touch()
+    return ""
 
 
 def _reached(metrics: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ from rich.table import Table
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.towns import town_works
-from aug3d_core.collections.versions import published, version_metrics, versions
+from aug3d_core.collections.versions import version_metrics, versions
 from aug3d_core.factory.build import build
 from aug3d_core.factory.config import scene_config
 from aug3d_core.run.errors import Aug3dError, StageFailed, StoreError, UsageError
@@ -28,6 +28,7 @@ from aug3d_core.run.nested import nested, value_at
 from aug3d_core.scene_files import Schedule, read_each
 from aug3d_core.scene_files.check import said
 from aug3d_core.store import layout
+from aug3d_core.store.published import published
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import bring_report
 from aug3d_core.store.store import Store
@@ -80,6 +81,10 @@ def add(
     with typed_errors(as_json, home):
         store = Store(home)
         check_scene_name(name)
+        if name in read_each(store):
+            raise UsageError(
+                f"a scene is called {name!r}", "give the collection another name: --model NAME means either"
+            )
         _check_scenes(store, [*train, *hold_out])
         try:
             entry = CollectionEntry(
@@ -151,7 +156,7 @@ def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
         if metrics is None:
             print(f"\nnext  {program('aug3d')} collections train {name}")
         else:
-            print_version(found[-1], metrics, published(store, name))
+            print_version(found[-1], metrics, published(store, name, layout.COLLECTIONS))
 
 
 @collections.command("remove")
@@ -197,7 +202,7 @@ def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
         if as_json:
             print(json.dumps({"version": str(found[-1]), "message": message, **metrics}, indent=1))
         else:
-            print_version(found[-1], metrics, published(store, name))
+            print_version(found[-1], metrics, published(store, name, layout.COLLECTIONS))
             print(f"\n{message}")
         raise typer.Exit(0 if complete and metrics["state"] == "ok" else 3)
 
@@ -238,14 +243,14 @@ def export(
         with store.using():
             for scene, told in version_metrics(found[-1])["scenes"].items():
                 stage = "exact_town" if told["role"] == "town" else "dataset"
-                for data, facts in told["data"].items():
+                trained = told["role"] != "hold out"
+                # The first of a scene in folds is trained on, and shows what the others hold out
+                for data, facts in list(told["data"].items())[: 1 if trained else None]:
                     record = store.find(stage, facts["key"])
                     if record is None:
                         raise StoreError(
                             f"the data set of {scene} is gone from {store.root}", "train the collection again"
                         )
-                    # Of a scene in folds the first is trained on; the others show its test
-                    trained = told["role"] != "hold out" and data == next(iter(told["data"]))
                     scenes.append((data, read(store.files_dir(record) / SCENE_ZARR, cache), trained))
             counts = export_packed(scenes, form, folder, size)
         if as_json:
@@ -388,7 +393,7 @@ def _settings(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def _facts(store: Store, name: str, entry: CollectionEntry | Aug3dError) -> dict[str, Any]:
-    found, shown = versions(store, name), published(store, name)
+    found, shown = versions(store, name), published(store, name, layout.COLLECTIONS)
     made = {"versions": len(found), "published": shown.name if shown else None}
     if isinstance(entry, Aug3dError):
         return {"collection": name, "problem": entry.problem, "remedy": entry.remedy, **made}

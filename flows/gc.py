@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.run.errors import UsageError
 from aug3d_core.scene_files.files import read_each
 from aug3d_core.store.retention import Plan, Waste, drop, plan, plan_for_scene
@@ -31,10 +32,13 @@ Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everyt
 def gc(
     scene: Annotated[
         str | None,
-        typer.Option("--scene", help="Drop everything of this scene instead: versions, studies, what only they need."),
+        typer.Option(
+            "--scene",
+            help="Drop everything of this scene or collection instead: versions, studies, what only they need.",
+        ),
     ] = None,
     keep: Annotated[
-        int, typer.Option(min=1, help="Newest versions that each scene keeps, beside the published one.")
+        int, typer.Option(min=1, help="Newest versions that each scene or collection keeps, beside the published one.")
     ] = 3,
     keep_hours: Annotated[
         float,
@@ -45,9 +49,10 @@ def gc(
     home: Home = HOME,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
 ) -> None:
-    """Drop what no version of a scene and no study needs, and show what each scene takes on the disk.
+    """Drop what no version of a scene or a collection and no study needs, and show what each takes on the disk.
 
-    Each scene keeps its published version, its newest ones and the newest that did not fail. Predictions go: --out kept them.
+    Each scene and collection keeps its published version, its newest ones and the newest that did not fail. Predictions go:
+    --out kept them.
     In a store that several machines share, objects go at a later look: once nobody has needed them for --keep-hours.
     """
     with typed_errors(as_json, home):
@@ -104,7 +109,7 @@ def _ask(store: Store, scene: str, goes: Sequence[Waste | Loose], as_json: bool)
 def _tell(store: Store, goes: Plan, there: Sweep | None, free_before: int, as_json: bool, dry_run: bool) -> None:
     takes, freed = usage(store), _bytes(goes.goes)
     free_after = free_before + freed if dry_run else _free(store)
-    registered, rest = read_each(store), besides(store)
+    registered, rest = {*read_each(store), *COLLECTIONS.read_each(store)}, besides(store)
     strays = [scene for scene in takes if scene not in registered]
     if as_json:
         told = {

@@ -13,6 +13,7 @@ import time
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime, timedelta
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -64,7 +65,7 @@ class _Job(ProcessJobConfiguration):
     def prepare_for_flow_run(self, *args: Any, **kwargs: Any) -> None:
         self.command = command_to_string([sys.executable, "-m", "prefect.engine"])
         self.working_dir = Path.cwd()
-        self.env = {**self.env, SUPERVISED: "1"}
+        self.env = {**self.env, SUPERVISED: str(os.getpid())}
         super().prepare_for_flow_run(*args, **kwargs)
 
 
@@ -155,8 +156,11 @@ class PoolWorker(ProcessWorker):
 
 
 def machine(store: Store) -> str:
-    """Return how a machine is called, with its home: a worker's name begins so, and the queue of what it alone is to do."""
-    return f"{socket.gethostname()} {store.root.name}"
+    """Return how a machine is called, with its home: a worker's name begins so, and the queue of what it alone is to do.
+
+    Homes of one name in two folders are told apart: a queue's name has no room for a path.
+    """
+    return f"{socket.gethostname()} {store.root.name} {sha256(str(store.root).encode()).hexdigest()[:4]}"
 
 
 def machine_of(worker: str) -> str:

@@ -91,7 +91,9 @@ def predict(
         with store.using():
             version = last_version(store, scene)
             sources = {"dataset": source_of(store, object_of(store, version, "dataset"))}
-            sources["training"] = model_named(store, model or scene)
+            sources["training"] = (
+                model_named(store, model) if model else source_of(store, object_of(store, version, "training"))
+            )
             if poses is not None:
                 sources["given"] = _outside(poses)
             photos = poses or store.files_dir(object_of(store, version, "photos"), [PHOTO_TABLE])

@@ -7,6 +7,7 @@ import os
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
+from urllib.parse import unquote, urlsplit, urlunsplit
 
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store.scenes import masked
@@ -48,6 +49,10 @@ def check_servers(environment: Mapping[str, str] = os.environ) -> None:
 
 
 def _turned_away(address: str, authorization: str | None) -> bool:
+    parts = urlsplit(address)
+    if "@" in parts.netloc:  # Python would take user:password for a part of the name
+        user, _, host = parts.netloc.rpartition("@")
+        address, authorization = urlunsplit(parts._replace(netloc=host)), authorization or _basic(unquote(user))
     request = urllib.request.Request(address, headers={"Authorization": authorization} if authorization else {})
     try:
         with urllib.request.urlopen(request, timeout=_PATIENCE_S):
@@ -66,5 +71,9 @@ def _authorization(variable: str, environment: Mapping[str, str]) -> str | None:
         user = environment.get("MLFLOW_TRACKING_USERNAME")
         user_and_password = f"{user}:{environment.get('MLFLOW_TRACKING_PASSWORD', '')}" if user else None
     if user_and_password:
-        return "Basic " + base64.b64encode(user_and_password.encode()).decode()
+        return _basic(user_and_password)
     return f"Bearer {token}" if token else None
+
+
+def _basic(user_and_password: str) -> str:
+    return "Basic " + base64.b64encode(user_and_password.encode()).decode()

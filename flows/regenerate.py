@@ -163,6 +163,6 @@ def _publish(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig,
     if settings != entry.config():
         why = "its settings differ from those in the scene's file"
         return Completed(name=TRIED, message=f"{version.name} reaches {reached}; not published: {why}")
-    publish(store, scene, version)
+    publish(store, version)
     publish_model(store, scene, version.name)
     return Completed(name=PUBLISHED, message=f"{version.name} is published: {reached}")

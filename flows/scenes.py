@@ -10,6 +10,7 @@ import typer
 from pydantic import BaseModel, ValidationError
 from rich.console import Console
 
+from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.factory.config import SIZES, scene_config
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import UsageError
@@ -89,6 +90,10 @@ def add_scene(
         )
         entry.material().stages()  # poses that cannot be read are told now
         store = Store(home)
+        if scene in COLLECTIONS.read_each(store):
+            raise UsageError(
+                f"a collection is called {scene!r}", "give the scene another name: --model NAME means either"
+            )
         file = write_scene(store, scene, entry)
         if as_json:
             print(json.dumps({"file": str(file), **scene_facts(store, scene, entry)}, indent=1))

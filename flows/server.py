@@ -94,7 +94,12 @@ class _Server:
             # What Prefect itself sets for a server of this kind; the pages would only cost time here.
             settings = {"PREFECT_UI_ENABLED": "0", "PREFECT__SERVER_EPHEMERAL": "1", "PREFECT__SERVER_FINAL": "1"}
             number = self._socket.fileno()
-            told = {**self.serving.as_environment(), SUPERVISED: "1", LISTENING: str(number), "PYTHONUNBUFFERED": "1"}
+            told = {
+                **self.serving.as_environment(),
+                SUPERVISED: str(os.getpid()),
+                LISTENING: str(number),
+                "PYTHONUNBUFFERED": "1",
+            }
             with self._log.open("ab") as file:
                 self._process = subprocess.Popen(
                     [sys.executable, "-m", "flows.web", PREFECT],

@@ -8,6 +8,7 @@ from pathlib import Path
 HOME = "AUG3D_HOME"
 OURS = "aug3d"  # tag of everything that aug3d registers and runs with a Prefect server, which others may use too
 SCENE, COLLECTION = "scene", "collection"  # tags of what the registry holds
+_THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
 
 
 def home() -> Path:
@@ -38,3 +39,13 @@ def apply_local_environment(home: Path) -> None:
     """Set what the user has not set."""
     for name, value in local_environment(home).items():
         os.environ.setdefault(name, value)
+
+
+def reach_this_machine_directly() -> None:
+    """Except this machine's own servers from the proxy that the environment names for what is outside, if any."""
+    if not {name.lower() for name, value in os.environ.items() if value} & {"http_proxy", "https_proxy", "all_proxy"}:
+        return
+    # Python reads the small name where both are there
+    excepted = os.environ.get("no_proxy") or os.environ.get("NO_PROXY") or ""
+    every = dict.fromkeys((*filter(None, (part.strip() for part in excepted.split(","))), *_THIS_MACHINE))
+    os.environ["no_proxy"] = os.environ["NO_PROXY"] = ",".join(every)

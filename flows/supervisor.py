@@ -63,7 +63,13 @@ class Supervised:
         self._serving = serving
         self._arguments = [sys.executable, *arguments]
         own = clients(serving) if name == WORKER else {}
-        self._environment = {**os.environ, **serving.as_environment(), **own, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"}
+        self._environment = {
+            **os.environ,
+            **serving.as_environment(),
+            **own,
+            SUPERVISED: str(os.getpid()),
+            "PYTHONUNBUFFERED": "1",
+        }
 
     def start(self) -> None:
         """Start it in a session of its own: Ctrl-C reaches `aug3d up` alone, which ends the others in order."""

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeR
 
 from aug3d_core.run.errors import Aug3dError, UsageError
 from aug3d_core.store import layout
+from aug3d_core.store.published import names
 from aug3d_core.store.store import Store
 from aug3d_core.store.verification import Damage, OnBytes, damaged, items_of, size_of
 from flows.refusal import typed_errors
@@ -146,6 +147,8 @@ def _repaired(store: Store, one: Damage) -> tuple[bool, str]:
     if one.item is None:
         aside = one.path.with_name(f"{layout.DAMAGED}{one.path.name}-{time.time_ns()}")
         one.path.rename(aside)
+        if names(pointer := one.path.parent / layout.PUBLISHED, one.path):
+            pointer.unlink()
         return True, f"put aside: {aside}; run the scene again to have another"
     try:
         built = repair(store, one.item, lambda *_: None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -27,7 +28,6 @@ from tasks.version_run import log_version
 TROUBLE = (MlflowException, SQLAlchemyError, OSError)  # of the server, of the database, of the artifacts' folder
 _LATER = "the next run, or aug3d compare, logs"
 _PAGES = "workflowType=machine_learning"  # else MLflow shows the pages for language models
-_HERE = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass
@@ -82,9 +82,17 @@ def experiment_id(client: MlflowClient, home: Path, scene: str) -> str:
 
 
 def _artifacts(address: str, home: Path, scene: str) -> str | None:
-    """Return the store's folder for artifacts; a server elsewhere cannot read it and has a place of its own."""
-    if urlsplit(address).hostname not in (None, *_HERE):
-        return None
+    """Return the store's folder for artifacts, where the runs are in its own database or `aug3d up` serves it.
+
+    Any other server has a place of its own; behind an address of this machine may be one of another, or a container.
+    """
+    if urlsplit(address).scheme in ("http", "https"):
+        try:
+            ours = json.loads((home / layout.SERVICES / layout.SERVICES_RUNNING).read_bytes())["mlflow"]
+        except (OSError, ValueError, KeyError):
+            return None
+        if address.rstrip("/") != ours:
+            return None
     return (home / layout.MLFLOW_ARTIFACTS / scene).as_uri()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -72,7 +71,7 @@ def s3_process(port: int, free_actions: int | None = None) -> Iterator[subproces
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ, **limited},
-        preexec_fn=partial(die_with_parent, signal.SIGKILL),
+        preexec_fn=partial(die_with_parent, parent=os.getpid()),
     ) as server:
         try:
             _wait(port)

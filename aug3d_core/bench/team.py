@@ -185,8 +185,10 @@ class Team:
         return process
 
     def _begin(self, name: str, words: list[str], more: Mapping[str, str], core: int | None = None) -> subprocess.Popen:
+        parent = os.getpid()
+
         def as_child() -> None:
-            die_with_parent(signal.SIGTERM)
+            die_with_parent(signal.SIGTERM, parent)
             if core is not None:
                 os.sched_setaffinity(0, {core})
 

@@ -17,6 +17,7 @@ from aug3d_core.run.stage import Stage, StageConfig
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
+from aug3d_core.store.usage import Object, named
 
 TRAIN, HOLD_OUT, TOWN = "train", "hold out", "town"
 Maker = Callable[[str], Make]  # what the steps are of, in words -> how they are made
@@ -32,17 +33,25 @@ def found_here(_scene: str, entry: SceneEntry) -> Material:
 class Member:
     """A scene or town of a collection.
 
-    data: its data sets by name, one for each fold. made_up: it has no photographs. photos, poses: what the stages `photos`
-    and `sfm` made of a scene. trouble: why it has no data set.
+    data: its data sets by name, one for each fold. steps: all that the stages made of it. made_up: it has no photographs.
+    photos, poses: what the stages `photos` and `sfm` made of a scene. trouble: why it has no data set.
     """
 
     role: str
     made_up: bool = False
     data: dict[str, Record] = field(default_factory=dict)
+    steps: list[Record] = field(default_factory=list)
     photos: Record | None = None
     poses: Record | None = None
     trouble: str = ""
     remedy: str = ""
+
+    @property
+    def judged_on(self) -> dict[str, Record]:
+        """The data sets with a fair test: what other folds hold out, the first, which is trained on, shows the model."""
+        if self.role == TOWN:
+            return {}
+        return self.data if self.role == HOLD_OUT else dict(list(self.data.items())[:1])
 
 
 @dataclass
@@ -55,8 +64,14 @@ class MadeCollection:
     troubles: dict[str, str] = field(default_factory=dict)  # of evaluations that failed
 
     @property
+    def objects(self) -> list[Object]:
+        """All that a version needs: what its data sets come from too, so that the next one need not make it again."""
+        steps = [record for member in self.members.values() for record in member.steps]
+        return named([*steps, *self.records])
+
+    @property
     def records(self) -> list[Record]:
-        """All objects that the version is made of."""
+        """What the training and its judging are made of."""
         data = [record for member in self.members.values() for record in member.data.values()]
         return [*data, *([self.training] if self.training else []), *self.evaluations.values()]
 
@@ -96,7 +111,7 @@ def make_collection(
     made.training = _single(TRAINING, config.training, sources, maker("collection"))
     model = source_of(store, made.training)
     for name, member in made.members.items():
-        for data, record in member.data.items() if member.role != TOWN else ():
+        for data, record in member.judged_on.items():
             if not record.metrics.get("groups_test"):
                 made.troubles[data] = "its data set has no test"
                 continue
@@ -151,11 +166,14 @@ def _scene(
         member.made_up = material.photos is None
         stages = material.stages()
         for visit in walk(store, stages[: stages.index(DATASET) + 1], entry.config(), material, make):
-            if visit.record and visit.step.stage.name == DATASET.name:
+            if visit.record is None:
+                continue
+            member.steps.append(visit.record)
+            if visit.step.stage.name == DATASET.name:
                 member.data[f"{name}{visit.step.name.removeprefix(DATASET.name)}"] = visit.record
-            elif visit.record and visit.step.name == "photos":
+            elif visit.step.name == "photos":
                 member.photos = visit.record
-            elif visit.record and visit.step.name == "sfm":
+            elif visit.step.name == "sfm":
                 member.poses = visit.record
     except Aug3dError as error:
         member.trouble, member.remedy = error.problem, error.remedy

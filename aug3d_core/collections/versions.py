@@ -7,17 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.collections.made import HOLD_OUT, MadeCollection
-from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.published import RULES
+from aug3d_core.store.published import RULES, published
 from aug3d_core.store.record import Record
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import metrics_fault, version_metrics
-from aug3d_core.store.seal import sealed, unsealed
 from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
-from aug3d_core.store.usage import named
 
 _NVS = "test_psnr_mean"
 
@@ -31,7 +28,7 @@ def versions(store: Store, name: str) -> list[Path]:
     """Return the folders of the versions that count, oldest first."""
     store.bring_versions(layout.COLLECTIONS, check_scene_name(name))
     folder = store.root / layout.COLLECTIONS / check_scene_name(name)
-    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
+    return sorted(path.parent for path in folder.glob(f"[!.]*/{layout.METRICS}") if not metrics_fault(path.parent))
 
 
 def collection_metrics(name: str, made: MadeCollection, notes: list[str], code: str, seconds: float) -> dict[str, Any]:
@@ -63,7 +60,7 @@ def collection_metrics(name: str, made: MadeCollection, notes: list[str], code: 
             **made.training.metrics,
         },
         "notes": [*notes, *made.training.notes],
-        "objects": [list(item) for item in named(made.records)],
+        "objects": [list(item) for item in made.objects],
     }
 
 
@@ -93,33 +90,12 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
     return None
 
 
-def published(store: Store, name: str) -> Path | None:
-    """Return the folder of the published version; None if there is none. Raises StoreError if it is named and gone."""
-    pointer = _pointer(store, name)
-    try:
-        version = pointer.parent / Path(str(unsealed(pointer.read_bytes())["version"])).name
-    except FileNotFoundError:
-        return None
-    except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{pointer} does not name a version", "delete it") from error
-    if not (version / layout.METRICS).is_file():
-        raise StoreError(f"the published version {version.name} of collection {name!r} is gone", f"delete {pointer}")
-    return version
-
-
-def publish(store: Store, name: str, version: Path) -> None:
-    """Name a version as the one to use."""
-    write_synced(_pointer(store, name), sealed({"version": version.name}))
-    if store.shared is not None:
-        store.shared.share_pointer(_pointer(store, name))
-
-
 def model_of(store: Store, name: str) -> Record:
     """Return the trained model of a collection: of its published version, else of its newest; raises UsageError."""
     found = versions(store, name)
     if not found:
         raise UsageError(f"collection {name!r} has no model yet", f"train it: aug3d collections train {name}")
-    metrics = version_metrics(published(store, name) or found[-1])
+    metrics = version_metrics(published(store, name, layout.COLLECTIONS) or found[-1])
     record = store.find("training", metrics["training"]["key"])
     if record is None:
         raise StoreError(f"the model of collection {name!r} is gone from {store.root}", "train the collection again")
@@ -136,7 +112,3 @@ def _size(record: Record) -> dict[str, Any]:
 
 def _role(made: MadeCollection, data: str) -> str:
     return next((member.role for member in made.members.values() if data in member.data), HOLD_OUT)
-
-
-def _pointer(store: Store, name: str) -> Path:
-    return store.root / layout.COLLECTIONS / check_scene_name(name) / layout.PUBLISHED

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -124,7 +125,8 @@ def run_there(module: str, order: str, grace_s: float = 30.0) -> None:
         asked.write(order)
         asked.seek(0)
         command = [sys.executable, "-m", module]
-        process = subprocess.Popen(command, stdin=asked, stdout=said, stderr=said, preexec_fn=die_with_parent)
+        as_child = partial(die_with_parent, parent=os.getpid())
+        process = subprocess.Popen(command, stdin=asked, stdout=said, stderr=said, preexec_fn=as_child)
         while process.poll() is None:
             time.sleep(_LOOK_EVERY_S)
             task = worker.state.tasks.get(key)

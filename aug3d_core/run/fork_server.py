@@ -59,7 +59,7 @@ def start(package: str, job: Path, log: Path, environment: Mapping[str, str]) ->
     """
     with _one_start, _awake():
         context = get_context("forkserver" if _read_once() == _read_by_server() else "spawn")
-        given = (package, str(job), str(log), dict(environment))
+        given = (package, str(job), str(log), dict(environment), os.getpid())
         process = context.Process(target=_become, args=given)  # pyright: ignore[reportAttributeAccessIssue]
         describe = spawn.get_preparation_data
         # A child would import the factory's main module, and with it Prefect.
@@ -103,10 +103,10 @@ def _read_by_server() -> dict[str, str]:
     return _read_once()
 
 
-def _become(package: str, job: str, log: str, environment: dict[str, str]) -> None:
+def _become(package: str, job: str, log: str, environment: dict[str, str], factory: int) -> None:
     """Run `python -m package job` in this new process."""
     gc.freeze()  # a collection would write to, and so copy, all that was preloaded
-    die_with_parent()
+    die_with_parent(parent=factory)
     os.setsid()  # Ctrl-C reaches the factory alone, which then ends its stages
     held = forkserver._forkserver._forkserver_alive_fd  # pyright: ignore[reportAttributeAccessIssue]
     if held is not None:

@@ -7,19 +7,21 @@ import os
 import signal
 import sys
 
-SUPERVISED = "AUG3D_SUPERVISED"  # set for processes that the factory starts; a replay from a shell goes without
+# Process that the factory starts: the number of the process that starts it. A replay from a shell goes without
+SUPERVISED = "AUG3D_SUPERVISED"
 _PR_SET_PDEATHSIG, _PR_SET_NAME, _PR_SET_CHILD_SUBREAPER = 1, 15, 36
 
 
-def die_with_parent(by: signal.Signals = signal.SIGKILL) -> None:
+def die_with_parent(by: signal.Signals = signal.SIGKILL, parent: int | None = None) -> None:
     """Have the kernel end this process when its parent ends, even by SIGKILL (Linux; elsewhere the group is killed).
 
-    That outlives `exec`.
+    That outlives `exec`. parent: number of the process that began this one; as the environment tells without it.
     """
     if sys.platform != "linux":
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, by)
-    if os.getppid() == 1:  # the parent ended before the line above
+    # Number 1 takes the children of a parent that ended before the line above; in a container it may be the parent itself
+    if os.getppid() == 1 != (parent or int(os.environ[SUPERVISED])):
         os._exit(1)
 
 

@@ -67,7 +67,7 @@ def run_isolated(stage: Stage, folder: Path, progress: Progress) -> Cost:
     limits = limits_from(os.environ)
     for stale in (ERROR, OUTCOME, PROGRESS):
         (folder / stale).unlink(missing_ok=True)
-    environment = {**QUIET_THREADS, **os.environ, SUPERVISED: "1", "PYTHONUNBUFFERED": "1"}
+    environment = {**QUIET_THREADS, **os.environ, SUPERVISED: str(os.getpid()), "PYTHONUNBUFFERED": "1"}
     process = start(stage.package, folder / JOB, folder / LOG, environment)
     earlier, started, room = _spent(folder), time.monotonic(), _Room(folder)
     saved_s = 0.0

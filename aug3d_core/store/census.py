@@ -63,17 +63,18 @@ class Census:
 
     @cached_property
     def versions(self) -> list[Holder]:
-        """The versions of scenes among the holders."""
-        return [holder for holder in self.holders if holder.folder.parts[0] == layout.SCENES]
+        """The versions of scenes and collections among the holders."""
+        return [holder for holder in self.holders if holder.folder.parts[0] != layout.STUDIES]
 
-    def published(self, scene: str) -> Path | None:
-        """Return the folder of the version of a scene that is published, None if there is none."""
-        content = self.bucket.get(f"{layout.SCENES}/{scene}/{layout.PUBLISHED}")
+    def published(self, of: Path) -> Path | None:
+        """Return the folder of the published version of a scene or a collection, None if there is none. of: its folder."""
+        pointer = f"{of.as_posix()}/{layout.PUBLISHED}"
+        content = self.bucket.get(pointer)
         try:
-            return Path(layout.SCENES, scene, str(unsealed(content)["version"])) if content else None
+            return of / str(unsealed(content)["version"]) if content else None
         except (ValueError, KeyError, TypeError) as error:
             raise StoreError(
-                f"{self.bucket.url}/{layout.SCENES}/{scene}/{layout.PUBLISHED} does not name a version",
+                f"{self.bucket.url}/{pointer} does not name a version",
                 "delete it: the next good version is then published",
             ) from error
 

@@ -162,10 +162,11 @@ def _renew(bucket: Bucket, mine: str, owner: dict, done: Event, lost: Callable[[
     while not done.wait(RENEW_S):
         number += 1
         with suppress(StoreError):  # the store is away: others cannot see the lease either
-            bucket.put(mine, _told(owner, number))
-            if lost and max(bucket.names(f"{mine.rpartition('/')[0]}/")) > mine:
+            # Who took it over has a later number, or has ended by now and deleted this one
+            if lost and bucket.names(f"{mine.rpartition('/')[0]}/")[-1:] != [mine]:
                 lost()
                 return
+            bucket.put(mine, _told(owner, number))
 
 
 def _owner() -> dict:

@@ -1,8 +1,9 @@
-"""The version of a scene that others use: it stays until a newer one is complete and no worse."""
+"""The version of a scene or a collection that others use: it stays until a newer one is complete and no worse."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,34 +14,42 @@ from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.seal import sealed, unsealed
 from aug3d_core.store.store import Store
 
+_DELETE = "delete {}: the next good version is then published"
 RULES = ("test_photos", "conventions")  # what two scores must have in common to be compared
 
 
-def published(store: Store, scene: str) -> Path | None:
-    """Return the folder of the published version; None if there is none. Raises StoreError if it is named and gone."""
-    pointer = _pointer(store, scene)
+def published(store: Store, name: str, top: str = layout.SCENES) -> Path | None:
+    """Return the folder of the published version of a scene, or of a collection; None if there is none.
+
+    top: `layout.SCENES` or `layout.COLLECTIONS`. Raises StoreError if it is named and gone.
+    """
+    pointer = store.root / top / check_scene_name(name) / layout.PUBLISHED
     try:
-        name = unsealed(pointer.read_bytes())["version"]
+        told = unsealed(pointer.read_bytes())["version"]
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(
-            f"{pointer} does not name a version", "delete it: the next good version is then published"
-        ) from error
-    version = pointer.parent / Path(str(name)).name
+        raise StoreError(f"{pointer} does not name a version", _DELETE.format("it")) from error
+    version = pointer.parent / Path(str(told)).name
     if not (version / layout.METRICS).is_file():
-        raise StoreError(
-            f"the published version {name} of scene {scene!r} is gone",
-            f"delete {pointer}: the next good version is then published",
-        )
+        of = "scene" if top == layout.SCENES else "collection"
+        raise StoreError(f"the published version {told} of {of} {name!r} is gone", _DELETE.format(pointer))
     return version
 
 
-def publish(store: Store, scene: str, version: Path) -> None:
+def publish(store: Store, version: Path) -> None:
     """Name a complete version as the one to use; the one before stays on the disk until `aug3d gc`."""
-    write_synced(_pointer(store, scene), sealed({"version": version.name}))
+    pointer = version.parent / layout.PUBLISHED
+    write_synced(pointer, sealed({"version": version.name}))
     if store.shared is not None:
-        store.shared.share_pointer(_pointer(store, scene))
+        store.shared.share_pointer(pointer)
+
+
+def names(pointer: Path, version: Path) -> bool:
+    """Say whether a pointer is there, can be read, and names this version."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        return unsealed(pointer.read_bytes())["version"] == version.name
+    return False
 
 
 def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most_psnr_drop_db: float) -> str | None:
@@ -70,7 +79,3 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
             f" at most {most_psnr_drop_db:g} dB may be lost"
         )
     return None
-
-
-def _pointer(store: Store, scene: str) -> Path:
-    return store.root / layout.SCENES / check_scene_name(scene) / layout.PUBLISHED

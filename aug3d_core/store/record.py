@@ -65,6 +65,9 @@ def read_record(path: Path) -> Record:
 def record_of(content: bytes) -> Record:
     """Return the record that a file holds; raises ValueError if it is not what was written."""
     record = Record.model_validate(unsealed(content))
+    for name in record.files:
+        if not name or any(part in ("", ".", "..") for part in name.split("/")):
+            raise ValueError(f"it names a file outside its folder: {name!r}")
     if record.digest != files_digest(record.files):
         raise ValueError("the digests of its files do not fit that of the whole")
     return record

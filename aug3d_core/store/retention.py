@@ -1,9 +1,9 @@
 """What may go from the store, and how it goes.
 
-Each scene keeps its published version, its newest ones, the newest that did not fail, and those that MLflow is still to be
-told of; a study keeps what it made. What none of these names, a killed run or study may yet go on from: that stays for some
-hours. Versions go before the objects that they name, and either is out of sight before its files go: a deletion that is cut
-short leaves nothing that looks whole.
+Each scene and each collection keeps its published version, its newest ones, the newest that did not fail, and those that
+MLflow is still to be told of; a study keeps what it made. What none of these names, a killed run or study may yet go on
+from: that stays for some hours. Versions go before the objects that they name, and either is out of sight before its files
+go: a deletion that is cut short leaves nothing that looks whole.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from pathlib import Path
 
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.published import published
+from aug3d_core.store.published import names, published
 from aug3d_core.store.store import Store, discard
 from aug3d_core.store.usage import Holder, Object, bytes_under, objects_of, studies, versions
 
-VERSION, STUDY, WORK, FAILURE, REMAINS = "version", "study", "unfinished work", "failure", "half deleted"
+VERSION, STUDY, WORK, FAILURE, REMAINS = "version", "study", "unfinished work", "failure", "half deleted or damaged"
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class Plan:
 
 
 def plan(store: Store, keep: int, keep_hours: float) -> Plan:
-    """Return what no scene and no study needs, where each scene keeps its `keep` newest versions.
+    """Return what no scene, collection or study needs, where the first two keep their `keep` newest versions.
 
     Raises StoreError where a version or a study cannot be read: what it needs is not known.
     """
     every, made = versions(store), studies(store)
-    scenes = {version.scene: [v for v in every if v.scene == version.scene] for version in every}
-    kept = {
-        folder for scene, mine in scenes.items() for folder in newest_kept(mine, keep, published(store, scene))
-    } | _untold(store)
+    kept = _untold(store)
+    for of in {version.folder.parent for version in every}:
+        mine = [version for version in every if version.folder.parent == of]
+        kept |= newest_kept(mine, keep, published(store, of.name, of.parent.name))
     old = [version for version in every if version.folder not in kept]
     goes = _with_objects(store, old, [*(v for v in every if v.folder in kept), *made])
     loose = list(_loose(store, objects_of([*every, *made])))
@@ -86,13 +86,13 @@ def drop(store: Store, goes: Iterable[Waste]) -> None:
 def _drop(store: Store, waste: Waste) -> None:
     folder = waste.folder
     if waste.what == VERSION:
-        if (folder / layout.METRICS).exists() and published(store, folder.parent.name) == folder:
+        if names(folder.parent / layout.PUBLISHED, folder):
             (folder.parent / layout.PUBLISHED).unlink()
         _drop_folder(folder, layout.METRICS)
     elif waste.what == STUDY:
         _drop_folder(folder, layout.STUDY_FINDINGS)
     elif waste.what in (FAILURE, REMAINS):
-        shutil.rmtree(folder)
+        shutil.rmtree(folder) if folder.is_dir() else folder.unlink()
     else:
         stage, key = _object(folder)
         with store.lock(stage, key, timeout_s=0):
@@ -137,9 +137,13 @@ def _with_objects(store: Store, goes: Sequence[Holder], stays: Sequence[Holder])
 
 def _loose(store: Store, named: Collection[Object]) -> Iterator[Waste]:
     """Yield what no version and no study names, and nobody is making."""
-    for version in sorted((store.root / layout.SCENES).glob("*/*")):
-        if version.is_dir() and not (version / layout.METRICS).exists():  # its run was killed before it counted
-            yield Waste(version.parent.name, VERSION, version, bytes_under(version))
+    for top in (layout.SCENES, layout.COLLECTIONS, layout.STUDIES):
+        for aside in sorted((store.root / top).glob(f"*/{layout.DAMAGED}*")):
+            yield Waste(aside.parent.name, REMAINS, aside, bytes_under(aside))
+    for top in (layout.SCENES, layout.COLLECTIONS):
+        for version in sorted((store.root / top).glob("*/[!.]*")):
+            if version.is_dir() and not (version / layout.METRICS).exists():  # its run was killed before it counted
+                yield Waste(version.parent.name, VERSION, version, bytes_under(version))
     for folder in sorted((store.root / layout.OBJECTS).glob("*/*")):
         if folder.name.startswith(layout.GONE):
             yield Waste("", REMAINS, folder, bytes_under(folder))

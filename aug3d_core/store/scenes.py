@@ -91,7 +91,7 @@ def masked(text: str) -> str:
 def scenes(store: Store) -> list[str]:
     """Return the names of all scenes that have a version."""
     store.bring_versions(layout.SCENES)
-    files = (store.root / layout.SCENES).glob(f"*/*/{layout.METRICS}")
+    files = (store.root / layout.SCENES).glob(f"*/[!.]*/{layout.METRICS}")
     return sorted({path.parent.parent.name for path in files if not metrics_fault(path.parent)})
 
 
@@ -99,13 +99,13 @@ def versions(store: Store, scene: str) -> list[Path]:
     """Return the folders of a scene's versions that count, oldest first."""
     store.bring_versions(layout.SCENES, check_scene_name(scene))
     folder = store.root / layout.SCENES / scene
-    return sorted(path.parent for path in folder.glob(f"*/{layout.METRICS}") if not metrics_fault(path.parent))
+    return sorted(path.parent for path in folder.glob(f"[!.]*/{layout.METRICS}") if not metrics_fault(path.parent))
 
 
 def damaged_versions(store: Store, scene: str) -> list[str]:
     """Say which versions of a scene count as absent, and why: their `metrics.json` is empty or not what was written."""
     folder = store.root / layout.SCENES / check_scene_name(scene)
-    found = ((path, metrics_fault(path.parent)) for path in sorted(folder.glob(f"*/{layout.METRICS}")))
+    found = ((path, metrics_fault(path.parent)) for path in sorted(folder.glob(f"[!.]*/{layout.METRICS}")))
     return [f"{path} {what}: the version counts as absent" for path, what in found if what]
 
 

@@ -71,11 +71,11 @@ def readable(found: Census, scene: str | None) -> Readable:
                     damage.append(SharedDamage(entry.name, error.problem))
                 else:
                     holders += [holder] if holder else []
-    for name in sorted({holder.scene for holder in holders if holder.folder.parts[0] == layout.SCENES}):
+    for of in sorted({holder.folder.parent for holder in holders if holder.folder.parts[0] != layout.STUDIES}):
         try:
-            found.published(name)
+            found.published(of)
         except StoreError as error:
-            damage.append(SharedDamage(f"{layout.SCENES}/{name}/{layout.PUBLISHED}", error.problem))
+            damage.append(SharedDamage(f"{of.as_posix()}/{layout.PUBLISHED}", error.problem))
     wanted = set(found.objects)
     if scene is not None:
         wanted &= {item for holder in holders if holder.scene == scene for item in holder.objects}

@@ -137,9 +137,9 @@ def _holders_that_go(found: Census, keep: int, scene: str | None, settled: Colle
     if scene is not None:
         return [holder for holder in found.holders if holder.scene == scene]
     going = []
-    for name in sorted({version.scene for version in found.versions}):
-        mine = [version for version in found.versions if version.scene == name]
-        kept = newest_kept(mine, keep, found.published(name))
+    for of in sorted({version.folder.parent for version in found.versions}):
+        mine = [version for version in found.versions if version.folder.parent == of]
+        kept = newest_kept(mine, keep, found.published(of))
         going += [v for v in mine if v.folder not in kept and f"{v.folder.as_posix()}/{layout.METRICS}" in settled]
     return going
 
@@ -148,9 +148,10 @@ def _holder(found: Census, holder: Holder) -> Loose:
     of = holder.folder.parts[0]
     entries = found.below(holder.folder.as_posix())
     names = sorted((entry.name for entry in entries), key=lambda name: (_last(name) != COUNTS_BY[of], name))
-    shown = found.published(holder.scene) if of == layout.SCENES else None
-    if shown == holder.folder:  # only where all of a scene goes
-        names.append(f"{layout.SCENES}/{holder.scene}/{layout.PUBLISHED}")
+    if (
+        of != layout.STUDIES and found.published(holder.folder.parent) == holder.folder
+    ):  # only where all of a scene goes
+        names.append(f"{holder.folder.parent.as_posix()}/{layout.PUBLISHED}")
     size = sum(entry.size_bytes for entry in entries)
     return Loose(holder.scene, STUDY if of == layout.STUDIES else VERSION, tuple(names), size, folder=holder.folder)
 

@@ -59,14 +59,15 @@ READS: Mapping[str, Callable[[Mapping[str, Any]], tuple[frozenset[Object], bool]
 
 
 def versions(store: Store) -> list[Holder]:
-    """Return every version that counts, oldest first within a scene; raises StoreError if one cannot be read."""
-    return _holders(store.root / layout.SCENES, layout.METRICS)
+    """Return every version of a scene or a collection that counts, oldest first; raises StoreError if one cannot be read."""
+    return [
+        holder for top in (layout.SCENES, layout.COLLECTIONS) for holder in _holders(store.root / top, layout.METRICS)
+    ]
 
 
 def studies(store: Store) -> list[Holder]:
-    """Return every study, and every version of a collection; raises StoreError if one cannot be read."""
-    collections = _holders(store.root / layout.COLLECTIONS, layout.METRICS)
-    return [*_holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS), *collections]
+    """Return every study; raises StoreError if one cannot be read."""
+    return _holders(store.root / layout.STUDIES, layout.STUDY_FINDINGS)
 
 
 def named(records: Iterable[Record]) -> list[Object]:
@@ -129,7 +130,7 @@ def bytes_under(path: Path) -> int:
 
 def _holders(folder: Path, file: str) -> list[Holder]:
     read, found = READS[folder.name], []
-    for path in sorted(folder.glob(f"*/*/{file}")):
+    for path in sorted(folder.glob(f"*/[!.]*/{file}")):
         try:
             objects, whole = read(unsealed(path.read_bytes()))
         except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -69,7 +69,7 @@ def _of_object(store: Store, item: Object, on_bytes: OnBytes) -> list[Fault]:
 
 def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
     for top, pattern in ((layout.SCENES, layout.METRICS), (layout.COLLECTIONS, layout.METRICS)):
-        for file in sorted((store.root / top).glob(f"{scene or '*'}/*/{pattern}")):
+        for file in sorted((store.root / top).glob(f"{scene or '*'}/[!.]*/{pattern}")):
             if what := metrics_fault(file.parent) or report_fault(store, file.parent):
                 yield Damage(file.parent, what)
         for pointer in sorted((store.root / top).glob(f"{scene or '*'}/{layout.PUBLISHED}")):
@@ -77,7 +77,7 @@ def _of_versions(store: Store, scene: str | None) -> Iterator[Damage]:
                 unsealed(pointer.read_bytes())["version"]
             except (ValueError, KeyError, TypeError) as error:
                 yield Damage(pointer, f"does not name a version ({error})")
-    for file in sorted((store.root / layout.STUDIES).glob(f"{scene or '*'}/*/{layout.STUDY_FINDINGS}")):
+    for file in sorted((store.root / layout.STUDIES).glob(f"{scene or '*'}/[!.]*/{layout.STUDY_FINDINGS}")):
         try:
             unsealed(file.read_bytes())
         except ValueError as error:

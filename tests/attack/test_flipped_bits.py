@@ -38,7 +38,7 @@ def test_a_flipped_bit_in_any_file_is_named_and_the_object_made_again(tmp_path: 
     write_metrics(
         version, {"scene": "hill", "objects": {name: {"stage": r.stage, "key": r.key} for name, r in records.items()}}
     )
-    publish(store, "hill", version)
+    publish(store, version)
     files = [
         path for top in (layout.OBJECTS, layout.SCENES) for path in (store.root / top).rglob("*") if path.is_file()
     ]

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.collections.versions import held_back, model_of, new_version, publish, published
+from aug3d_core.collections.versions import held_back, model_of, new_version
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
+from aug3d_core.store.published import publish, published
 from aug3d_core.store.retention import plan
 from aug3d_core.store.scenes import write_metrics
 from aug3d_core.store.store import Store
@@ -42,12 +43,12 @@ def test_a_scene_that_was_lost_holds_back_and_one_that_was_taken_out_does_not() 
 
 def test_what_is_published_is_found_until_another_is(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert published(store, "all") is None
+    assert published(store, "all", layout.COLLECTIONS) is None
     for _ in range(2):
         folder = new_version(store, "all")
         write_metrics(folder, version(a=20.0))
-        publish(store, "all", folder)
-        assert published(store, "all") == folder
+        publish(store, folder)
+        assert published(store, "all", layout.COLLECTIONS) == folder
 
 
 def test_a_pointer_cannot_leave_the_folder(tmp_path: Path) -> None:
@@ -55,7 +56,7 @@ def test_a_pointer_cannot_leave_the_folder(tmp_path: Path) -> None:
     folder = new_version(store, "all").parent
     (folder / layout.PUBLISHED).write_text('{"version": "../../outside"}')
     with pytest.raises(StoreError, match="gone"):
-        published(store, "all")
+        published(store, "all", layout.COLLECTIONS)
 
 
 def test_without_a_model_the_next_step_is_told(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def _start(name: str, folder: Path, inputs: dict[str, Path], config: dict[str, A
     stage = next(one for one in ways if one.name == name and set(one.inputs) == read)
     job = Job(stage=name, entry=stage.assist if assist else stage.entry, config=config, inputs=inputs)
     (folder / JOB).write_text(job.model_dump_json())
-    return start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: "1"})
+    return start(stage.package, folder / JOB, folder / LOG, {**os.environ, SUPERVISED: str(os.getpid())})
 
 
 def _told(name: str, folder: Path, process: Popen) -> dict[str, Any]:

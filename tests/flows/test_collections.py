@@ -11,9 +11,10 @@ from typer.testing import CliRunner, Result
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.collections.versions import new_version, publish
+from aug3d_core.collections.versions import new_version
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.scene_files import SceneEntry, Schedule, write_scene
+from aug3d_core.store.published import publish
 from aug3d_core.store.scenes import write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
@@ -51,7 +52,7 @@ def trained(store: Store, name: str, **psnr_db: float) -> Path:
         "untested": {"odd": "no test"},
     }
     write_metrics(version, metrics | {"notes": ["they overlap"], "objects": [], "training": {"key": "k"}})
-    publish(store, name, version)
+    publish(store, version)
     return version
 
 

@@ -49,7 +49,7 @@ def test_other_photographs_are_told(tmp_path: Path, versions: list[Path]) -> Non
 def test_a_version_is_named_as_newest_as_published_and_by_the_beginning_of_its_time(
     tmp_path: Path, versions: list[Path]
 ) -> None:
-    publish(Store(tmp_path), "town", versions[0])
+    publish(Store(tmp_path), versions[0])
     runs = told(tmp_path, "town", "town@published", f"town@{versions[1].name}")["runs"]
     assert runs == [f"town@{versions[i].name}" for i in (2, 0, 1)]
 

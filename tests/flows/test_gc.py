@@ -9,10 +9,12 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.collections.entry import CollectionEntry
+from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.store.scenes import share_version
 from aug3d_core.store.store import Store
 from flows.cli import app
-from tests.store.little_store import add_object, add_version
+from tests.store.little_store import add_collection_version, add_object, add_version
 
 
 def invoke(*arguments: str | Path, says: str | None = None):
@@ -44,6 +46,12 @@ def test_a_dry_run_tells_by_scene_and_stage_and_drops_nothing(store: Store) -> N
     assert ["together", "", "2", "2.0"] in cells and ["demo", "4", "0", "8.0", "0.0"] in cells
     assert "what would go" in done.output and "--keep-hours 0 drops them" in done.output
     assert "not in the registry: demo; aug3d gc --scene NAME" in done.output
+
+
+def test_a_collection_of_the_registry_is_no_stray(store: Store) -> None:
+    add_collection_version(store, "all", "1", [("sfm", "k0")])
+    COLLECTIONS.add(store, "all", CollectionEntry(towns=1))
+    assert json.loads(invoke("--dry-run", "--home", store.root, "--json").stdout)["not_registered"] == ["demo"]
 
 
 def test_what_went_is_told_as_json_with_the_disk_before_and_after(store: Store) -> None:

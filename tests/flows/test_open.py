@@ -33,7 +33,7 @@ def versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     made = [version(home, scene="hill"), version(home, "b", scene="hill")]
     for folder in made:
         (folder / layout.REPORT).write_text("<!doctype html>")
-    publish(Store(home), "hill", made[0])
+    publish(Store(home), made[0])
     return made
 
 

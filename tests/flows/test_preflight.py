@@ -39,3 +39,26 @@ def test_a_password_that_a_server_does_not_take(server: str, answer: int, refuse
         with pytest.raises(StoreError, match="does not take the password") if refused else nullcontext():
             check_servers(environment)
         door.shutdown()
+
+
+@pytest.mark.parametrize("port", ["", ":{port}"])
+def test_a_password_in_an_address_is_used_and_never_shown(port: str) -> None:
+    asked = []
+
+    class Door(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.headers["Authorization"])
+            self.send_response(401)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Door) as door:
+        threading.Thread(target=door.serve_forever, daemon=True).start()
+        address = f"http://user:secret@127.0.0.1{port.format(port=door.server_port)}"
+        with pytest.raises(StoreError) if port else nullcontext() as told:
+            check_servers({"MLFLOW_TRACKING_URI": address})
+        door.shutdown()
+    if port:
+        assert "secret" not in told.value.problem and asked == ["Basic dXNlcjpzZWNyZXQ="]

@@ -36,7 +36,7 @@ def home(tmp_path: Path, photos: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     first, _ = version(home, scene="hill"), version(home, "b", scene="hill")
     for words in (["scenes", "add", "hill", "--photos", str(photos)], ["collections", "add", "all", "--train", "hill"]):
         assert CliRunner().invoke(app, words).exit_code == 0
-    publish(Store(home), "hill", first)
+    publish(Store(home), first)
     return home
 
 

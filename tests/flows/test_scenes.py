@@ -113,7 +113,7 @@ def test_the_list_tells_of_each_scene_and_of_those_that_are_not_well(store: Stor
     told("add", "lost", "--photos", photos / "east")
     (store.root / "scenes" / "wrong.yml").write_text("photos: null\npreset: huge")
     (store.root / "scenes" / "two words.yml").write_text("photos: null")
-    publish(store, "hill", made(store, "hill", "ok", 22.5))
+    publish(store, made(store, "hill", "ok", 22.5))
     made(store, "other", "ok", None)
     (photos / "east" / "c.tif").unlink()
     (photos / "east").rmdir()
@@ -142,7 +142,7 @@ def test_the_list_tells_of_each_scene_and_of_those_that_are_not_well(store: Stor
 def test_show_tells_what_differs_from_the_preset_and_the_versions(store: Store) -> None:
     told("add", "hill", "--town", "--set", "training.steps=500", "--set", "training.seed=0", "--licence", "[CC] BY")
     first, second = made(store, "hill", "ok", 22.5), made(store, "hill", "refused", None)
-    publish(store, "hill", first)
+    publish(store, first)
     facts = told("show", "hill")
     assert facts["changes"] == {"training.steps": {"value": 500, "preset": 300}}
     assert [version["version"] for version in facts["versions"]] == [first.name, second.name]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 import time
 from collections.abc import Coroutine
 from pathlib import Path
@@ -42,10 +41,10 @@ def pool(tmp_path: Path) -> Store:
         from prefect.client.orchestration import get_client
 
         from flows.deployments import of_everything
-        from flows.pool import make_queue
+        from flows.pool import machine, make_queue
 
         async with get_client() as client:
-            mine = f"{socket.gethostname()} {tmp_path.name}"
+            mine = machine(Store(tmp_path))
             names = "box one (cpu, gpu)", "box two (cpu)", "box three (gpu)", f"{mine} (cpu, home)", f"{mine} (batch)"
             await only_these(client, names)
             for name in ("box one", "box two"):

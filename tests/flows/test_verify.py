@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from unittest.mock import ANY
 
 import pytest
 from typer.testing import CliRunner
 
 from aug3d_core.heads.files import MODEL_WEIGHTS
+from aug3d_core.store import layout
 from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.published import publish, published
 from aug3d_core.store.record import Record
+from aug3d_core.store.retention import REMAINS, drop, plan
+from aug3d_core.store.scenes import versions
 from aug3d_core.store.store import Store
 from flows.cli import app
+from tests.store.little_store import add_version
 from tests.store.test_verification import an_object
 from tests.tests_support import flip
 
@@ -52,6 +58,31 @@ def test_what_cannot_be_made_again_is_put_aside_and_said(store: Store) -> None:
     assert code == 3 and told["damaged"][0]["repaired"] is False
     code, told = verified(store.root)
     assert code == 0 and told["objects"] == 1
+
+
+def test_a_damaged_version_is_put_aside_once_and_nothing_stumbles_over_it(store: Store) -> None:
+    whole, bad = (add_version(store, "hill", name, [("sfm", "a")]) for name in ("1", "2"))
+    publish(store, bad)
+    (bad / layout.METRICS).write_text("{")
+    code, told = verified(store.root, "--repair")
+    assert code == 0 and [line["repaired"] for line in told["damaged"]] == [True]
+    assert verified(store.root) == (0, told | {"damaged": [], "seconds": ANY})
+    assert versions(store, "hill") == [whole] and published(store, "hill") is None
+    goes = plan(store, 3, 0.0).goes
+    assert {waste.folder.name.partition("-")[0] for waste in goes if waste.what == REMAINS} == {".damaged"}
+    with store.alone():
+        drop(store, goes)
+    assert [path.name for path in (store.root / "scenes" / "hill").iterdir()] == ["1"]
+
+
+def test_a_damaged_pointer_goes_with_the_rest(store: Store) -> None:
+    pointer = add_version(store, "hill", "1", [("sfm", "a")]).parent / layout.PUBLISHED
+    pointer.write_text("{")
+    assert verified(store.root, "--repair")[0] == verified(store.root)[0] == 0
+    assert published(store, "hill") is None
+    with store.alone():
+        drop(store, plan(store, 3, 0.0).goes)
+    assert [path.name for path in pointer.parent.iterdir()] == ["1"]
 
 
 def test_a_scene_that_is_not_there_is_refused(store: Store) -> None:

@@ -583,7 +583,7 @@ def test_a_worker_executes_a_run_under_its_lease(
 
     done = run(executed())
     assert done.state.is_completed(), done.state.message
-    assert f"of {os.getpid()}, supervised 1" in done.state.message
+    assert f"of {os.getpid()}, supervised {os.getpid()}" in done.state.message
     assert leases == [f"leases/runs/{done.id}/00000000"] and shared.names("leases/") == []
     assert "(home)" in done.labels["prefect.worker.name"]
 

@@ -50,6 +50,14 @@ def add_study(store: Store, scene: str, name: str, objects: Iterable[tuple[str, 
     return folder
 
 
+def add_collection_version(store: Store, name: str, version: str, objects: Iterable[tuple[str, str]]) -> Path:
+    """Write a version of a collection that names these objects."""
+    folder = store.root / layout.COLLECTIONS / name / version
+    folder.mkdir(parents=True)
+    (folder / layout.METRICS).write_text(json.dumps({"collection": name, "objects": list(objects)}))
+    return folder
+
+
 def make_old(folder: Path, hours: float = 48.0) -> None:
     """Let a folder and all in it look as if they had not been touched for so long."""
     then = time.time() - 3600 * hours

@@ -26,7 +26,7 @@ def test_what_is_published_is_found_until_another_is(tmp_path: Path) -> None:
     for _ in range(2):
         version = new_version(store, "town")
         write_metrics(version, scored(20.0))
-        publish(store, "town", version)
+        publish(store, version)
         assert published(store, "town") == version
 
 

@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.run.files import FILES, JOB, LOG
 from aug3d_core.store import layout, retention
-from aug3d_core.store.published import publish
+from aug3d_core.store.published import publish, published
 from aug3d_core.store.retention import drop, plan, plan_for_scene
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import objects_of, studies, versions
-from tests.store.little_store import add_object, add_study, add_version, make_old
+from tests.store.little_store import add_collection_version, add_object, add_study, add_version, make_old
 
 KEYS = [("photos", "a"), ("sfm", "b"), ("sfm", "c"), ("training", "d"), ("training", "e"), ("dataset", "f")]
 some_objects = st.lists(st.sampled_from(KEYS), max_size=4, unique=True)
@@ -65,10 +65,25 @@ def test_exactly_what_is_named_by_what_is_kept_stays(history, studied, keep: int
 def test_the_published_version_stays_however_old(tmp_path: Path) -> None:
     store = Store(tmp_path)
     folders = five_versions(store)
-    publish(store, "demo", folders[0])
+    publish(store, folders[0])
     collect(store, keep=1)
     assert [folder.exists() for folder in folders] == [True, False, False, False, True]
     assert there(store) == {KEYS[0], KEYS[4]}
+
+
+def test_a_collection_keeps_its_newest_and_its_published_versions_as_a_scene_does(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    for item in KEYS[:5]:
+        add_object(store, *item)
+    folders = [add_collection_version(store, "demo", f"{i}", [item]) for i, item in enumerate(KEYS[:5])]
+    publish(store, folders[0])
+    add_version(store, "demo", "1", [])  # a scene of that name has a life of its own
+    collect(store, keep=2)
+    assert there(store) == {KEYS[0], KEYS[3], KEYS[4]}
+    assert published(store, "demo", layout.COLLECTIONS) == folders[0] and published(store, "demo") is None
+    with store.alone():
+        drop(store, plan_for_scene(store, "demo").goes)
+    assert published(store, "demo", layout.COLLECTIONS) is None and not there(store)
 
 
 def test_failed_runs_do_not_push_out_the_last_good_version(tmp_path: Path) -> None:
@@ -150,7 +165,7 @@ def test_all_of_a_scene_goes_but_what_others_need(tmp_path: Path) -> None:
     store = Store(tmp_path)
     for item in KEYS[:4]:
         add_object(store, *item)
-    publish(store, "demo", add_version(store, "demo", "1", KEYS[:2]))
+    publish(store, add_version(store, "demo", "1", KEYS[:2]))
     add_study(store, "demo", "grouping-1", [KEYS[2]])
     add_version(store, "other", "1", [KEYS[1]])
     with store.alone():

@@ -144,7 +144,7 @@ def test_versions_and_what_is_published_are_seen_by_all(tmp_path: Path, shared: 
     write_metrics(version, {"scene": "hill", "state": "ok"})
     assert scenes(other) == [], "it counts from the moment that it is shared"
     share_version(maker, version, [])
-    publish(maker, "hill", version)
+    publish(maker, version)
     assert scenes(other) == [], "a command, and a run, looks once"
     other = Store(tmp_path / "other")
     assert scenes(other) == ["hill"]
@@ -326,7 +326,7 @@ def a_version(store: Store, scene: str, **told: object) -> Path:
 def test_one_look_at_the_versions_is_enough_for_a_command(tmp_path: Path, shared: str) -> None:
     maker, other = Store(tmp_path / "maker"), Store(tmp_path / "other")
     for scene in ("hill", "vale", "hill"):
-        publish(maker, scene, a_version(maker, scene))
+        publish(maker, a_version(maker, scene))
     before = other.traffic()
     assert scenes(other) == ["hill", "vale"]
     assert [len(versions(other, scene)) for scene in ("hill", "vale", "hill")] == [2, 1, 2]

@@ -247,7 +247,7 @@ def test_each_scene_keeps_its_newest_the_published_and_the_newest_whole_version(
     for number in range(5):
         add_object(maker, "sfm", f"k{number}")
         folders.append(version(maker, "hill", f"{number}", [("sfm", f"k{number}")]))
-    publish(maker, "hill", folders[0])
+    publish(maker, folders[0])
     assert [each.what for each in swept(place, tmp_path, keep=1).goes] == [], "versions of this hour stay"
     five_days(clock, place, tmp_path, keep=1)
     left = {name.split("/")[2] for name in place.names("scenes/hill/")}
@@ -260,7 +260,7 @@ def test_all_of_a_scene_goes_but_what_others_need(
 ) -> None:
     for item in KEYS:
         add_object(maker, *item)
-    publish(maker, "hill", version(maker, "hill", "1", KEYS[:2]))
+    publish(maker, version(maker, "hill", "1", KEYS[:2]))
     version(maker, "vale", "1", [KEYS[1]])
     swept(place, tmp_path, scene="hill")
     assert {name.split("/")[1] for name in place.names("scenes/")} == {"vale"}

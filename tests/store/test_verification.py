@@ -36,7 +36,7 @@ def store(tmp_path: Path) -> Store:
     version = new_version(store, "hill")
     (version / layout.REPORT).write_text("a report")
     write_metrics(version, {"scene": "hill", "objects": {"sfm": {"stage": stage, "key": key}}})
-    publish(store, "hill", version)
+    publish(store, version)
     return store
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import pandas as pd
@@ -46,7 +47,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Generalised(Result[LeftOut]):
-    """The result of a cell. views: the scores on the tests of all folds, None if there are none.
+    """The result of a cell. views: the scores on the tests of all folds, None if there are none. paid: of the first fold.
 
     preview: what the model that never saw the scene shows of its photographs before any prediction.
     """
@@ -82,39 +83,46 @@ def make_cell(
     if not data:
         return Generalised(cell, Trial({}, made.members[arm.scene].trouble, "refused"))
     others = {name: source_of(store, record) for name, record in made.trained_on(without=arm.scene).items()}
-    own = {arm.scene: source_of(store, next(iter(data.values())))}
-    if arm.way == "alone":
-        trial = _trained(config.from_random(), own, make)
-    elif not others:
-        trial = Trial({}, "there is no other scene, and no town, to train on", "refused")
-    else:
-        trial = _trained(config, others, make)
-        if arm.way == "tuned" and not trial.failure:
-            weights = store.file(trial.records[TRAINING.name], MODEL_WEIGHTS)
-            steps = max(round(TUNED_SHARE * config.from_random().steps), 1)
-            tuning = {"steps": steps, "warmup_steps": min(config.warmup_steps, steps // 10), "least_gain_db": 0.0}
-            trial = _trained(config.started(str(weights)).model_copy(update=tuning), own, make)
-    if trial.failure:
-        return Generalised(cell, trial)
-    judged = _judged(store, cell, entry.config(), data, trial, make)
+    if arm.way != "alone" and not others:
+        return Generalised(cell, Trial({}, "there is no other scene, and no town, to train on", "refused"))
+    general = None if arm.way == "alone" else _trained(config, others, make)
+    records, tables = {}, []
+    for fold, record in enumerate(data.values()):
+        own = {arm.scene: source_of(store, record)}
+        # What one fold holds out the others show: each has a model of its own, unless none of them was seen
+        trial = general
+        if trial is None:
+            trial = _trained(config.from_random(), own, make)
+        elif arm.way == "tuned" and not trial.failure:
+            trial = _trained(_tuning(config, store.file(trial.records[TRAINING.name], MODEL_WEIGHTS)), own, make)
+        if not trial.failure:
+            records.setdefault(f"{TRAINING.name}{_after(fold, arm.way)}", trial.records[TRAINING.name])
+            trial = _judged(store, entry.config(), record, trial, make)
+        if trial.failure:
+            return Generalised(cell, Trial(records, trial.failure, trial.cause, trial.at))
+        evaluation = records[f"{EVALUATION.name}{_after(fold)}"] = trial.records[EVALUATION.name]
+        views = pd.read_parquet(store.file(evaluation, TEST_VIEWS))
+        tables.append(views.assign(group=views["group"] + FOLD_GROUPS * fold))
+    judged = Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
     poses = made.members[arm.scene].poses
     return judged if arm.way != "never seen" or poses is None else _previewed(store, judged, poses, make)
 
 
-def _judged(
-    store: Store, cell: Cell[LeftOut], config: SceneConfig, data: Mapping[str, Record], trained: Trial, make: Make
-) -> Generalised:
-    records, tables = dict(trained.records), []
-    model = source_of(store, trained.records[TRAINING.name])
+def _after(fold: int, way: Way = "tuned") -> str:
+    return f"_fold{fold}" if fold and way != "never seen" else ""
+
+
+def _tuning(config: TrainingConfig, weights: Path) -> TrainingConfig:
+    """Return how a model goes on from these weights on one scene."""
+    steps = max(round(TUNED_SHARE * config.from_random().steps), 1)
+    few = {"steps": steps, "warmup_steps": min(config.warmup_steps, steps // 10), "least_gain_db": 0.0}
+    return config.started(str(weights)).model_copy(update=few)
+
+
+def _judged(store: Store, config: SceneConfig, record: Record, trained: Trial, make: Make) -> Trial:
     quick = config.evaluation.model_copy(update={"panels": 0, "flythrough_frames": 0})
-    for fold, record in enumerate(data.values()):
-        trial = tried(single(EVALUATION, quick, {"dataset": source_of(store, record), "training": model}, make))
-        if trial.failure:
-            return Generalised(cell, Trial(records, trial.failure, trial.cause, trial.at))
-        records[f"{EVALUATION.name}{f'_fold{fold}' if fold else ''}"] = trial.records[EVALUATION.name]
-        views = pd.read_parquet(store.file(trial.records[EVALUATION.name], TEST_VIEWS))
-        tables.append(views.assign(group=views["group"] + FOLD_GROUPS * fold))
-    return Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
+    model = source_of(store, trained.records[TRAINING.name])
+    return tried(single(EVALUATION, quick, {"dataset": source_of(store, record), "training": model}, make))
 
 
 def _previewed(store: Store, judged: Generalised, poses: Record, make: Make) -> Generalised:

@@ -9,6 +9,8 @@ import pytest
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import make_data
+from aug3d_core.factory.build import Built
+from aug3d_core.factory.walk import Visit
 from aug3d_core.heads.files import MODEL_WEIGHTS
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
@@ -36,7 +38,7 @@ class Learning(Stages):
     def figures(self, stage, made: Made, files: Path):
         if stage.name == "training":
             settings = made["training"]
-            (files / MODEL_WEIGHTS).write_text("{}")
+            (files / MODEL_WEIGHTS).write_text(f'{{"of training": {len(self.trained)}}}')
             self.trained.append((self.given["training"], settings["steps"], settings["head"].get("start", "")))
         if stage.name == "evaluation":
             better = 1.0 if "file" in made["training"]["head"].get("start", "") else 0.0
@@ -80,6 +82,30 @@ def test_a_model_is_tuned_from_the_one_that_never_saw_the_scene_for_a_tenth_of_t
     assert [on for on, *_ in tuned] == [{"north"}, {"south"}, {"far"}]
     assert {steps for _, steps, _ in tuned} == {80}
     assert {steps for on, steps, start in stages.trained if start == "random"} == {800}
+
+
+def test_in_folds_no_model_is_judged_on_what_it_was_trained_on(tmp_path: Path):
+    store, stages = Store(tmp_path), Learning()
+    stages.folds = 2
+    made_by, given = stages.maker(store), {}
+
+    def make(visit: Visit) -> Built | None:
+        built = made_by(visit)
+        if built and visit.work:
+            given[built.record.key] = {source.digest for source in visit.work.sources.values()}
+        return built
+
+    made = make_data(store, ENTRY, SCENES, lambda of: make)
+    cells = [cell for cell in cells_of(ENTRY, ("sweep",), 1) if cell.arm.scene == "north"]
+    results = make_cells(store, cells, lambda cell: make_cell(store, ENTRY, made, cell, make), lambda *_: None)
+    folds = [record.digest for record in made.members["north"].data.values()]
+    for result in results:
+        assert not result.failure and result.views is not None and len(result.views) == 6
+        for fold, after in enumerate(("", "_fold1")):
+            trained = result.records["training" if result.arm.way == "never seen" else f"training{after}"]
+            assert given[result.records[f"evaluation{after}"].key] == {folds[fold], trained.digest}
+            own = set() if result.arm.way == "never seen" else {folds[fold]}
+            assert given[trained.key] & set(folds) == own
 
 
 def test_ways_are_compared_photograph_by_photograph(studied):
