@@ -97,6 +97,8 @@ def _bring(viewer: Viewer, loaded: Future[Predictor]) -> None:
         viewer.predict_with(loaded.result())
     except Aug3dError as error:
         viewer.say(f"**No predictions**: {error.problem}\n\n{error.remedy}")
+    except Exception as error:  # what the page would wait for without end
+        viewer.say(f"**No predictions**: {type(error).__name__}: {error}")
 
 
 def _serving(store: Store) -> tuple[Serving, bool]:

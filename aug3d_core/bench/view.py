@@ -27,7 +27,7 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     if trial.failure:
         return {"view": Figure(None, "", None, None, trial.failure)}
     folders = [store.files_dir(trial.records[step]) for step in ("dataset", "training")]
-    inputs = int(trial.records["training"].config["input_views"])
+    inputs = scene.config().evaluation.input_views
     first_s, whole_s, half_s = in_own_process(partial(_timed, *folders, inputs))
     return {
         "view_first_seconds": at_most(_GOAL_FIRST_S, first_s, "s"),

@@ -30,7 +30,7 @@ def fly(
     seen = np.arange(len(inputs))
     small, frames = with_views(only(scene, inputs), poses, intrinsics, seen)
     small = with_scaffold(small, frames, seen)
-    views = [head.predict(small, int(frame), seen) for frame in frames]
+    views = [head.predict_bare(small, int(frame), seen) for frame in frames]
     depths = [one.depth for one in views if one.depth is not None]
     bounds = (
         tuple(np.quantile(np.stack(depths), [0.01, 0.99])) if depths else None

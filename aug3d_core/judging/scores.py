@@ -43,7 +43,7 @@ def evaluate(
 
     seen: called with each group and what was judged of it.
     """
-    check_test_groups(scene, config)
+    check_test_groups(scene)
     rows = []
     masked = targets_masked(scene)
     for group, members in enumerate(scene.groups["test"]):
@@ -65,7 +65,7 @@ def _ids(scene: Scene, views: Int[np.ndarray, " v"]) -> str:
     return " ".join(str(photo) for photo in scene.photo_id[views])
 
 
-def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
+def check_test_groups(scene: Scene) -> None:
     """Raise InputError unless every test group has a target and enough views to predict it from."""
     test = scene.groups["test"]
     support = test.shape[1] - 1
@@ -77,11 +77,6 @@ def check_test_groups(scene: Scene, config: EvaluationConfig) -> None:
         raise InputError(
             "a test group has one member, its target: there is nothing to predict it from",
             "raise grouping.k, or give the scene more photographs of the test block",
-        )
-    if config.input_views > support:
-        raise InputError(
-            f"input_views = {config.input_views}, but a test group has {support} support views",
-            f"set evaluation.input_views to at most {support}",
         )
 
 

@@ -20,6 +20,7 @@ from aug3d_core.geometry.masks import save_mask
 from aug3d_core.heads import saved
 from aug3d_core.heads.head import Head
 from aug3d_core.judging import flythrough, panels, video
+from aug3d_core.judging.cheap_answers import cheap_answers
 from aug3d_core.judging.config import EvaluationConfig
 from aug3d_core.judging.conventions import conventions, digest, held_out_digest
 from aug3d_core.judging.files import (
@@ -50,7 +51,7 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     kept: dict[int, Judged] = {}
 
     def seen(group: int, judged: Judged) -> None:
-        kept[group] = judged
+        kept[group] = judged._replace(answers={})  # of hundreds of views: few are drawn
         progress(group + 1, count, "test views")
 
     progress(0, count, "test views")
@@ -76,9 +77,15 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
         },
         # Worse than one colour: whatever the training did well, what is rendered is wrong
         state="degraded" if np.mean(table["psnr"]) <= np.mean(table["mean_colour_psnr"]) else "ok",
-        notes=tuple(_not_beaten(name, figures) for name in unbeaten),
+        notes=(*_fewer(scene, config), *(_not_beaten(name, figures) for name in unbeaten)),
         pictures=pictures,
     )
+
+
+def _fewer(scene: Scene, config: EvaluationConfig) -> list[str]:
+    support = scene.groups["test"].shape[1] - 1
+    told = f"a test group has {support} support views: every answer was given {support}, not {config.input_views}"
+    return [told] if support < config.input_views else []
 
 
 def _not_beaten(name: str, figures: Mapping[str, Any]) -> str:
@@ -117,7 +124,8 @@ def _draw(
     pictures, shown = {"Test views, best first": f"{PANELS}/{SUMMARY}"}, []
     for row in chosen.to_dict("records"):
         judged = kept[row["group"]]
-        one = (judged.target, judged.inputs, judged.view, judged.answers, row)
+        answers = cheap_answers(scene, judged.target, judged.inputs)
+        one = (judged.target, judged.inputs, judged.view, answers, row)
         photo = image_name(int(row["photo_id"]))
         name = f"{PANELS}/{photo}"
         panels.save(panels.panel(scene, *one), out / name)

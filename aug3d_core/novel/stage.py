@@ -37,7 +37,7 @@ def run(inputs: Mapping[str, Path], config: PredictionConfig, out: Path, progres
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     view = novel_view(scene, config)
     progress(0, 1, "view")
-    predicted = head.predict(view.scene, view.target, view.inputs)
+    predicted = head.predict_bare(view.scene, view.target, view.inputs)
     progress(1, 1, "view")
     truth = None if config.like is None else row_of(view.scene, config.like)
     panels.save(_with_alpha(predicted), out / PREDICTION)

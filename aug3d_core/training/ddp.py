@@ -44,7 +44,8 @@ class Team:
 
     def wrap(self, module: nn.Module) -> nn.Module:
         """Let gradients be averaged over members."""
-        return DistributedDataParallel(module) if self.size > 1 else module
+        # A step that starts from a scaffold does without the parts of the plane sweep that search one
+        return DistributedDataParallel(module, find_unused_parameters=True) if self.size > 1 else module
 
     def mean(self, values: Tensor) -> Tensor:
         """Average values over members."""

@@ -6,6 +6,7 @@ Test photographs are never among them, nor the photograph at whose pose the came
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,6 +16,7 @@ from aug3d_core.dataset.scene import REAL, SPLITS, Scene
 from aug3d_core.geometry.transforms import invert
 
 _STEP_PX = 8  # of the grid
+_AROUND = 64  # photographs that look nearest to where the view looks: of these comes what is in view
 _NEAR = 32  # photographs that stand nearest to where the view looks: of these its inputs are chosen
 _ASIDE = 20.0  # times 1 - cosine, as the test's rule has it
 _HIDDEN = 1.05  # times as far as its own scaffold says, on a coarse grid
@@ -29,7 +31,7 @@ class Candidates:
     rows: Int[np.ndarray, " r"]
     cam_from_world: Float[np.ndarray, "r 3 4"]
     depth: Float[np.ndarray, "r y x"]
-    points: Float[np.ndarray, "p 3"]  # in the world, of all photographs
+    points: tuple[Float[np.ndarray, "p 3"], ...]  # in the world, of each
 
     @classmethod
     def of(cls, scene: Scene) -> Candidates:
@@ -41,7 +43,8 @@ class Candidates:
         at_px = np.stack([x, y], axis=1) * _STEP_PX + half + 0.5
         rays = pixel_rays(scene, rows[number], at_px, slab_bounds=False)
         points = rays.origins + depth[number, y, x][:, None] * rays.directions
-        return cls(scene, rows, invert(scene.world_from_cam[rows, :3]), depth, points)
+        of_each = np.split(points, np.searchsorted(number, np.arange(1, len(rows))))
+        return cls(scene, rows, invert(scene.world_from_cam[rows, :3]), depth, tuple(of_each))
 
     def chosen(
         self, world_from_cam: Float[np.ndarray, "4 4"], intrinsics: Float[np.ndarray, " 4"], count: int
@@ -52,7 +55,7 @@ class Candidates:
             return self.rows[:0]
         spot = np.median(points, axis=0)
         near = np.flatnonzero(~self._at(world_from_cam))
-        away = np.linalg.norm(self._spots()[near] - spot, axis=1)
+        away = np.linalg.norm(self._spots[near] - spot, axis=1)
         near = near[np.argsort(away, kind="stable")[:_NEAR]]
         worth = np.stack([self._worth(int(one), points, world_from_cam[:3, 3]) for one in near])
         picked, so_far = list[int](), np.zeros(len(points))
@@ -77,7 +80,9 @@ class Candidates:
         in_cam = np.concatenate([(at - [cx, cy]) / [fx, fy], np.ones((high, wide, 1))], axis=-1)
         eye, directions = world_from_cam[:3, 3], in_cam @ world_from_cam[:3, :3].T
         depth = np.full((high, wide), np.inf)
-        seen = (self.points - eye) @ world_from_cam[:3, :3]
+        away = np.linalg.norm(self._spots - (eye + scene.scale * world_from_cam[:3, 2]), axis=1)
+        around = np.concatenate([self.points[one] for one in np.argsort(away, kind="stable")[:_AROUND]])
+        seen = (around - eye) @ world_from_cam[:3, :3]
         seen = seen[seen[:, 2] > 1e-6]
         column, row = np.floor((seen[:, :2] / seen[:, 2:] * [fx, fy] + [cx, cy]) / _STEP_PX).T
         inside = (column >= 0) & (column < wide) & (row >= 0) & (row < high)
@@ -106,6 +111,7 @@ class Candidates:
         cosine = (there * here).sum(axis=1) / np.linalg.norm(there, axis=1) / np.linalg.norm(here, axis=1)
         return np.where(inside & ~hidden, np.exp(_ASIDE * (cosine - 1)), 0.0)
 
+    @cached_property
     def _spots(self) -> Float[np.ndarray, "r 3"]:
         """Return where photographs look: ahead, as far as the ground usually is."""
         poses = self.scene.world_from_cam[self.rows]

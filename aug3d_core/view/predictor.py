@@ -34,7 +34,8 @@ from aug3d_core.view.inputs import Candidates
 from aug3d_core.view.pictures import Predicted
 from aug3d_core.view.poses import Pose, fov_of, intrinsics_of
 
-_KEPT = 64  # photographs whose points, and groups of inputs whose pictures, stay in memory
+_KEPT = 64  # photographs whose points stay in memory
+_GROUPS = 8  # of inputs, whose pictures do
 _EVERY = 97  # of the points, for the nearest and the farthest
 
 
@@ -48,7 +49,7 @@ class Predictor:
             raise InputError("the data set holds no photographs to predict from", "run the scene again")
         self._origin = scene.world_from_cam[self._candidates.rows, :3, 3].mean(axis=0)
         self._points: Callable[[int], Tensor] = lru_cache(_KEPT)(self._points_of)
-        self._inputs: Callable[[tuple[int, ...], bool], Scene] = lru_cache(_KEPT)(self._inputs_of)
+        self._inputs: Callable[[tuple[int, ...], bool], Scene] = lru_cache(_GROUPS)(self._inputs_of)
         self._turn = threading.Lock()  # a film and the camera ask from two threads
 
     @classmethod

@@ -114,6 +114,10 @@ class Viewer:
             self._view, self._picture.image = None, _GREY
             self._told.content = f"{error.problem}: {error.remedy}"
             return
+        except Exception as error:  # a GPU without memory, say: this thread must live to predict the next view
+            self._view, self._picture.image = None, _GREY
+            self._told.content = f"**This view failed**: {type(error).__name__}: {error}"
+            return
         if not still:
             self._seconds.append(view.seconds * (_HALF_TIMES if half else 1))
         self._view = view

@@ -42,10 +42,11 @@ def test_evaluation_repeats_to_the_byte(dataset, trained, tmp_path):
         assert cmp(one, tmp_path / "two" / one.relative_to(tmp_path / "one"), shallow=False)
 
 
-def test_more_inputs_than_a_test_group_has_are_refused(dataset, trained, tmp_path):
+def test_a_test_group_with_fewer_views_than_asked_for_gives_all_and_says_so(dataset, trained, tmp_path):
     config = JUDGE.model_copy(update={"input_views": 6})
-    with pytest.raises(InputError, match="input_views = 6, but a test group has 5 support views"):
-        evaluation_stage.run({"dataset": dataset, "training": trained[0]}, config, tmp_path, silent)
+    judged = evaluation_stage.run({"dataset": dataset, "training": trained[0]}, config, tmp_path, silent)
+    assert judged.notes[0] == "a test group has 5 support views: every answer was given 5, not 6"
+    assert {len(row.split()) for row in pd.read_parquet(tmp_path / TEST_VIEWS)["inputs"]} == {5}
 
 
 def test_a_model_comes_back_as_it_was(tmp_path):

@@ -177,6 +177,20 @@ def test_planes_convolved_one_by_one_are_a_convolution_in_three_dimensions():
     assert torch.allclose(of_found, of_expected, atol=1e-5)
 
 
+def test_what_an_input_is_masked_at_has_no_say_in_heights(scene):
+    members, volume = scene.groups["test"][0], head().network.coarse
+    target = Target.of(scene, int(members[0]), WHOLE, CPU)
+    inputs = Inputs.of(scene, int(members[0]), members[1:4], CPU)
+    heights = torch.linspace(0, 1, 8)[:, None, None].expand(-1, 9, 12)
+    maps = torch.rand(3, SMALL.features + 4, 9, 12)
+    other = torch.cat([torch.rand_like(maps[:1]), maps[1:]])
+    masked = torch.ones(3, 1, 36, 48)
+    masked[0] = 0
+    for used, alike in ((None, False), (torch.ones_like(masked), False), (masked, True)):
+        one, two = (volume(target.at_stride(4), inputs, each, used, heights, heights, 4) for each in (maps, other))
+        assert torch.equal(one, two) == alike
+
+
 def test_a_scaffold_is_what_depth_is_looked_for_about(scene):
     """Untrained, the depth is within the reach of the fine planes of the scaffold, and no edge of it is blurred."""
     members, model = scene.groups["test"][0], head().eval()

@@ -5,8 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.dataset.batches import Wanted, draw
+from aug3d_core.heads.sweep.config import SweepConfig
 from aug3d_core.training import loop as training
 from aug3d_core.training.checkpoint import saved_steps
+from aug3d_core.training.config import TrainingConfig
 from aug3d_core.training.ddp import Team, fitting_size, gathered
 from tests.engines.toy_training import changed
 from tests.toy_scene import toy_scene
@@ -23,6 +25,10 @@ def train_without_noise(team, scene, folder):
     return training.train([scene], CONFIG, folder, team=team)
 
 
+def train_as_it_is(team, scene, config, folder):
+    return training.train([scene], config, folder, team=team)
+
+
 def test_two_processes_with_a_group_each_come_to_the_weights_of_one_with_two(tmp_path, monkeypatch):
     monkeypatch.setattr(training, "noise_of", training.noise_of)  # so that it is set back
     scene = toy_scene(0, 12, 8)
@@ -37,6 +43,16 @@ def test_two_processes_with_a_group_each_come_to_the_weights_of_one_with_two(tmp
     )
     assert [probe.psnr for probe in together.probes] == pytest.approx([probe.psnr for probe in alone.probes], rel=1e-5)
     assert saved_steps(tmp_path / "together") == [4, 8]
+
+
+def test_a_head_that_leaves_parts_of_itself_out_of_a_step_is_trained_by_two(tmp_path):
+    """The plane sweep does not search a scaffold's heights where it has one, which each member draws for itself."""
+    head = SweepConfig(planes=8, features=8, crop_px=32, start="random")
+    config = TrainingConfig(head=head, steps=8, groups_per_step=2, warmup_steps=0)
+    scene = toy_scene(0, 48, 36)
+    with gathered(2, train_as_it_is, scene, config, tmp_path) as team:
+        trained = train_as_it_is(team, scene, config, tmp_path)
+    assert np.isfinite([step["loss"] for step in trained.history]).all() and len(trained.history) == 8
 
 
 def test_members_share_out_the_groups_of_a_step():

@@ -7,6 +7,7 @@ import pytest
 
 from aug3d_core.dataset.projection import ground_points, shows
 from aug3d_core.dataset.scene import RENDERED, SPLITS
+from aug3d_core.view import inputs
 from aug3d_core.view.inputs import Candidates
 from tests.toy_scene import toy_scene
 
@@ -45,3 +46,12 @@ def test_far_away_there_are_none(candidates: Candidates) -> None:
     scene, pose = candidates.scene, candidates.scene.world_from_cam[8].copy()
     pose[0, 3] += 1e4
     assert not len(candidates.chosen(pose, scene.intrinsics[8], 3))
+
+
+def test_of_many_photographs_only_those_around_are_gone_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    all_of_them = Candidates.of(toy_scene(0, 64, 48))
+    scene = all_of_them.scene
+    wanted = [all_of_them.chosen(scene.world_from_cam[view], scene.intrinsics[view], 3) for view in range(0, 36, 5)]
+    monkeypatch.setattr(inputs, "_AROUND", 12)
+    for view, chosen in zip(range(0, 36, 5), wanted, strict=True):
+        assert np.array_equal(all_of_them.chosen(scene.world_from_cam[view], scene.intrinsics[view], 3), chosen)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,3 +92,17 @@ def test_a_scene_without_a_model_says_so_and_is_shown(tmp_path: Path, browser: B
         page.get_by_text("No predictions").wait_for(timeout=_PATIENCE_MS)
         assert page.get_by_text("scene 'toy' has no dataset").count()
         assert page.get_by_text("36 of 36 photographs have a pose").count()
+
+
+def test_a_view_that_fails_is_told_and_the_next_one_is_predicted() -> None:
+    from aug3d_core.view.viewer import Viewer
+
+    class Failing:
+        def predict(self, *_: object, **__: object) -> None:
+            raise MemoryError("the GPU has none left")
+
+    viewer = Viewer.__new__(Viewer)
+    viewer._predictor, viewer._seconds = Failing(), []  # type: ignore[assignment]
+    viewer._picture, viewer._told = SimpleNamespace(), SimpleNamespace()  # type: ignore[assignment]
+    viewer._predict(None, still=True)  # type: ignore[arg-type]
+    assert "MemoryError: the GPU has none left" in viewer._told.content and viewer._view is None

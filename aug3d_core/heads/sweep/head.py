@@ -263,7 +263,7 @@ def _picture(seen: Seen) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def _view(seen: Seen, colour: UInt8[np.ndarray, "h w 3"], started_from: str) -> View:
-    depth, confidence = (one.double().cpu().numpy() for one in (seen.depth, seen.confidence))
+    depth, confidence = (one.cpu().numpy() for one in (seen.depth, seen.confidence))
     return View(colour, depth, confidence, seen.seen.cpu().numpy(), started_from)
 
 

@@ -22,6 +22,7 @@ _INSIDE = 16  # channels inside the volumes
 _LEAST_SPREAD, _MOST_SPREAD = 0.5, 0.25  # of the fine planes: of a coarse step, and of the slab
 _BEYOND = 1.5  # spreads that the fine planes reach to either side
 _SLOPE = 0.1  # of rectifiers below 0
+_LEAST_ALPHA = 0.5  # of an input, from which it shows something
 _SCAFFOLD_SPREAD = 0.03  # of the slab: how far off a scaffold is taken to be
 
 
@@ -83,13 +84,15 @@ class SweepNetwork(nn.Module):
     def forward(self, target: Target, inputs: Inputs, given: Given) -> Seen:
         """Predict a target."""
         coarse_maps, fine_maps, guesses = self._features(given.even)
+        holes = given.rgba[:, 3:] <= _LEAST_ALPHA
+        used = (~holes).float() if holes.any() else None  # most inputs have none, and need not be looked up
         half = target.at_stride(FINE)
         start, known = _start(target, given.start)
         volumes, confidence = [], torch.ones_like(half.rise)
         if known.all():
             middle, reach = start, torch.full_like(start, _SCAFFOLD_SPREAD)
         else:
-            coarse, spread, sure = self._coarse(target.at_stride(COARSE), inputs, coarse_maps)
+            coarse, spread, sure = self._coarse(target.at_stride(COARSE), inputs, coarse_maps, used)
             volumes.append(coarse)
             reach = _at(half, spread).detach().clamp(_LEAST_SPREAD / self.config.planes, _MOST_SPREAD)
             middle = torch.where(known, start, _at(half, coarse.height).detach())
@@ -98,7 +101,7 @@ class SweepNetwork(nn.Module):
         steps = torch.linspace(-_BEYOND, _BEYOND, self.config.fine_planes, device=middle.device)[:, None, None]
         steps = steps.expand(-1, *middle.shape)
         compared = middle + steps * reach
-        share = self.fine(half, inputs, fine_maps, compared, steps, FINE)
+        share = self.fine(half, inputs, fine_maps, used, compared, steps, FINE)
         found = (share * steps).sum(dim=0)
         off = found * reach
         volumes.append(Found(compared, share, middle + off))
@@ -118,13 +121,15 @@ class SweepNetwork(nn.Module):
             return whole
         return torch.where(start > 0, target.height_of(start) + _at(target, off), whole)
 
-    def _coarse(self, target: Target, inputs: Inputs, maps: Float[Tensor, "v c y x"]) -> tuple[Found, Tensor, Tensor]:
+    def _coarse(
+        self, target: Target, inputs: Inputs, maps: Float[Tensor, "v c y x"], used: Float[Tensor, "v 1 y2 x2"] | None
+    ) -> tuple[Found, Tensor, Tensor]:
         """Return what fits, the spread of it, and the share of what is within a step and a half of the mean."""
         planes = self.config.planes
         heights = ((torch.arange(planes, device=maps.device) + 0.5) / planes)[:, None, None].expand(
             -1, *target.rise.shape
         )
-        share = self.coarse(target, inputs, maps, heights, heights, COARSE)
+        share = self.coarse(target, inputs, maps, used, heights, heights, COARSE)
         low = (share * heights).sum(dim=0)
         spread = (share * (heights - low) ** 2).sum(dim=0).clamp(min=1e-8).sqrt()
         return Found(heights, share, low), spread, (share * ((heights - low).abs() <= 1.5 / planes)).sum(dim=0)
@@ -176,12 +181,19 @@ class Volume(nn.Module):
         target: Target,
         inputs: Inputs,
         maps: Float[Tensor, "v c y x"],
+        used: Float[Tensor, "v 1 y2 x2"] | None,
         heights: Float[Tensor, "p h w"],
         place: Float[Tensor, "p h w"],
         stride: int,
     ) -> Float[Tensor, "p h w"]:
-        """Compare maps at heights of the target's rays. place: what the network is told of where a height is."""
+        """Compare maps at heights of the target's rays, where inputs are used.
+
+        used: 0 where an input is masked or shows nothing; None if that is nowhere. place: what the network is told of where a
+        height is.
+        """
         xy_px, inside = inputs.project(target, target.depth_at(heights))
+        if used is not None:
+            inside = inside & (lookup(used, xy_px, 1)[:, 0] > _LEAST_ALPHA)
         seen, count = inside.float(), inside.sum(dim=0)
         shown, guessed = lookup(maps, xy_px, stride).split([maps.shape[1] - 1, 1], dim=1)
         mean, variance = _statistics(shown, seen, count)
@@ -268,13 +280,13 @@ class Blend(nn.Module):
         colours = fine_colours(target, inputs, given.fine, heights)
         features, guess = lookup(maps, xy_px, FINE)[:, :, 0].split([maps.shape[1] - 1, 1], dim=1)
         above = guess - heights  # an input that shows something higher there does not see the point
-        seen = (inside & (pixels[:, 3:] > 0.5)).float()
+        seen = (inside & (pixels[:, 3:] > _LEAST_ALPHA)).float()
         if given.scaffolds is not None:
             seen = seen * ~inputs.hidden(target, depth, given.scaffolds, xy_px)[:, None]
         mean = _mean(known, seen)
         angle = 1 - inputs.cosines(target, depth)[:, None]
         told = torch.cat([known * 2 - 1, features, above * 5, (known - mean) * 4, seen, angle * 5], dim=1)
-        each = self.each(F.avg_pool2d(_channels_last(told), 2))
+        each = self.each(_channels_last(F.avg_pool2d(told, 2)))
         seen_half = F.avg_pool2d(seen, 2)
         mean_each, most = _mean(each, seen_half), each.amax(dim=0, keepdim=True)
         together = self.own(each) + self.of_all(torch.cat([mean_each, most], dim=1))
