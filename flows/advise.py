@@ -29,7 +29,7 @@ def advise(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
     photos: Annotated[int, typer.Option(min=1, max=2000, help="How many photographs can be taken.")] = 20,
     margin_m: Annotated[
-        float, typer.Option(min=5.0, max=200.0, help="Least distance above the highest known roof [m].")
+        float, typer.Option(min=5.0, max=200.0, help="Least distance above the highest known roof [m]; needs GPS.")
     ] = 15.0,
     home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
@@ -42,7 +42,7 @@ def advise(
     with typed_errors(as_json, home):
         check_empty(folder)
         # With open3d, which other commands do without
-        from aug3d_core.advice.page import advice_page, verdict
+        from aug3d_core.advice.page import advice_page, caution, verdict
         from aug3d_core.advice.plan import plan_of
         from aug3d_core.advice.written import write_advice
         from aug3d_core.geometry.ply import Mesh
@@ -66,9 +66,12 @@ def advise(
             return
         console = Console()
         console.print(verdict(plan), highlight=False, soft_wrap=True, markup=False)
+        if said := caution(plan):
+            console.print(f"[yellow]note[/] {said}", highlight=False, soft_wrap=True)
         if plan.origin is None:
             console.print(
-                "[yellow]note[/] no GPS: places are in the scene's world, and there are no files for the field",
+                "[yellow]note[/] no GPS: places are in the scene's world, and there are no files for the field. --margin-m, in"
+                " metres, says nothing there: a fifth of the flight's height is kept above roofs",
                 soft_wrap=True,
             )
         console.print(f"{', '.join(files)} are in {folder}", highlight=False, soft_wrap=True, markup=False)

@@ -272,7 +272,7 @@ def _bench(
     from aug3d_core.bench.machine import describe_machine
     from aug3d_core.studies.common.trial import Measured
 
-    with typed_errors(as_json, home):
+    with typed_errors(as_json, home, goes_on=True):
         console = Console(stderr=True)
         scene = Measured(preset, tuple(overrides))
         scene.config()  # a wrong setting is told before anything is measured
@@ -339,4 +339,4 @@ def _print(told: dict[str, Any], figures: dict[str, Figure], kept: Path, as_json
         table.add_row(name, _value(figure), goal, figure.unit, {True: "yes", False: "NO", None: ""}[figure.holds])
     console = Console()
     console.print(table)
-    console.print(f"kept in {kept}", highlight=False, soft_wrap=True)
+    console.print(f"kept in {kept}", highlight=False, soft_wrap=True, markup=False)

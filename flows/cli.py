@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -46,7 +47,7 @@ from flows.study import study
 from flows.study_generalisation import study_generalisation
 from flows.study_stability import study_stability
 from flows.study_tradeoff import study_tradeoff
-from flows.summary import print_summary, program, tell_of_damage
+from flows.summary import command, print_summary, tell_of_damage
 from flows.up import up
 from flows.verify import verify
 from flows.view import view
@@ -78,7 +79,7 @@ def demo(
     home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False, dry_run: DryRun = False
 ) -> None:
     """Run the whole factory on the built-in town: minutes on 2 cores. A second time nothing is computed again."""
-    with typed_errors(as_json, home):
+    with typed_errors(as_json, home, goes_on=True):
         _run("demo", Material(), home, preset, set_, as_json, dry_run)
 
 
@@ -102,7 +103,7 @@ def run(
 
     Killed half way? Run the same command again: finished stages are not computed twice.
     """
-    with typed_errors(as_json, home):
+    with typed_errors(as_json, home, goes_on=True):
         check_scene_name(scene)
         if not photos.is_dir():
             what = "is a file, not a folder" if photos.exists() else "does not exist"
@@ -167,7 +168,7 @@ def export_scene(
         if as_json:
             print(json.dumps({"folder": str(folder), "format": form, "views": views}))
         else:
-            _print_exported(form, folder, folder / IMAGES, views)
+            _print_exported(form, folder, folder / IMAGES, views, home)
 
 
 @app.command()
@@ -205,7 +206,7 @@ def _run(
     with store.using():
         # A run that does not fit is refused before a server starts.
         plan = checked_plan(store, scene, material, config, records_before(store, scene))
-        console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True)
+        console.print(f"everything goes to {store.root}", style="dim", highlight=False, soft_wrap=True, markup=False)
         if metrics := nothing_to_do(store, scene, preset, plan):
             version = Path(metrics["paths"]["metrics"]).parent.name
             console.print(f"nothing changed, nothing was computed: the version of {version}", highlight=False)
@@ -217,7 +218,7 @@ def _run(
         print(json.dumps(metrics, indent=1))
     else:
         print_summary(Console(), metrics)
-        _print_next(scene)
+        _print_next(scene, home)
     raise typer.Exit(3 if metrics["state"] == "degraded" else 0)
 
 
@@ -254,22 +255,23 @@ def _print_failure(metrics: dict[str, Any]) -> None:
         )
 
 
-def _print_next(scene: str) -> None:
-    aug3d = program("aug3d")
-    print(f"\nnext  {aug3d} run my_scene --photos DIR   (your own photographs)")
-    print(f"      {aug3d} predict {scene} --out view.png   (a view that no photograph shows)")
-    print(f"      {aug3d} show {scene}   (this table again)")
-    print(f"      {aug3d} open {scene}   (the report, in the browser)")
-    print(f"      {aug3d} up   (scenes in a browser, made again by schedule)")
+def _print_next(scene: str, home: Path) -> None:
+    print(f"\nnext  {command(home, 'run', 'my_scene', '--photos', 'DIR')}   (your own photographs)")
+    print(f"      {command(home, 'predict', scene, '--out', 'view.png')}   (a view that no photograph shows)")
+    print(f"      {command(home, 'show', scene)}   (this table again)")
+    print(f"      {command(home, 'open', scene)}   (the report, in the browser)")
+    print(f"      {command(home, 'up')}   (scenes in a browser, made again by schedule)")
 
 
-def _print_exported(form: str, folder: Path, images: Path, views: int) -> None:
+def _print_exported(form: str, folder: Path, images: Path, views: int, home: Path) -> None:
     print(f"{views} undistorted photographs and their poses are in {folder}")
     if form == COLMAP:
-        print(f"\nnext  colmap gui --import_path {folder}/sparse/0 --image_path {images}")
+        gui = ["colmap", "gui", "--import_path", str(folder / "sparse" / "0"), "--image_path", str(images)]
+        print(f"\nnext  {shlex.join(gui)}")
     else:
-        print(f"\nnext  ns-train splatfacto --data {folder}")
-    print(f"      {program('aug3d')} run my_scene --photos {images} --poses {folder}   (back into aug3d)")
+        print(f"\nnext  ns-train splatfacto --data {shlex.quote(str(folder))}")
+    back = command(home, "run", "my_scene", "--photos", images, "--poses", folder)
+    print(f"      {back}   (back into aug3d)")
 
 
 # After a person's first commands, in the order of the help

@@ -184,7 +184,7 @@ def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
 
     Killed half way? Run the same command again. Exit code 3: a scene could not be made, or the model is not published.
     """
-    with typed_errors(as_json, home):
+    with typed_errors(as_json, home, goes_on=True):
         store = Store(home)
         store.check_writable()
         COLLECTIONS.read(store, name)  # a mistake in the file is told before anything is started
@@ -257,6 +257,8 @@ def export(
             print(json.dumps({"folder": str(folder), "format": form, "sequences": counts}))
         else:
             print(f"{counts['train']} sequences to train on and {counts['test']} tests are in {folder}")
+            if (told := folder / "README.txt").is_file():
+                print(f"How to read their depth: {told}")
 
 
 @collections.command("towns")

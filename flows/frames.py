@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -55,7 +56,8 @@ def frames(
                 f"{one.film.name}: {one.kept} photographs of {one.seconds:.0f} s, {placed}",
                 highlight=False, soft_wrap=True, markup=False,
             )  # fmt: skip
-        print(f"\nnext  aug3d look {out}\n      aug3d run my_scene --photos {out}")
+        folder = quote(str(out))
+        print(f"\nnext  aug3d look {folder}\n      aug3d run my_scene --photos {folder}")
 
 
 def _told(one: Taken) -> dict:

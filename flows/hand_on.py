@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from rich.console import Console
@@ -33,8 +34,9 @@ def export_groups(dataset: Path, folder: Path, as_json: bool) -> None:
             f"[yellow]note[/] pixelNeRF takes one camera per scan: views are up to {written.intrinsics_off_px:.1f} px off",
             soft_wrap=True,
         )
-    print(f"\nnext  python train/train.py -n my_scene -c conf/exp/dtu.conf -D {folder} -V 3   (in pixelNeRF's folder)")
-    print(f"      python eval/eval.py -n my_scene -c conf/exp/dtu.conf -D {folder} --split test -P '1 2 3'")
+    quoted = quote(str(folder))
+    print(f"\nnext  python train/train.py -n my_scene -c conf/exp/dtu.conf -D {quoted} -V 3   (in pixelNeRF's folder)")
+    print(f"      python eval/eval.py -n my_scene -c conf/exp/dtu.conf -D {quoted} --split test -P '1 2 3'")
 
 
 def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: bool) -> None:
@@ -54,9 +56,8 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
     size = f"{written.width_px:,} x {written.height_px:,} px of {written.pixel:g} {written.unit}"
     print(f"{maps.ORTHOPHOTO}, {maps.SURFACE_MODEL} ({size}, {written.covered:.0%} covered), {cameras} are in {folder}")
     if written.crs:
-        print(
-            f"reference system: {written.crs}. As true as the photographs' GPS: metres, without ground control points"
-        )
+        by_gps = "the photographs' GPS: metres, without ground control points"
+        print(f"reference system: {written.crs}. As true as {'the control points' if written.by_control else by_gps}")
     else:
         Console().print(
             "[yellow]note[/] no GPS: the map has no reference system, and its unit is the scene's", soft_wrap=True

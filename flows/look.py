@@ -100,4 +100,4 @@ def _print(console: Console, verdict: str, findings: list[Finding], costs: Mappi
         )
     for preset, cost in costs.items():
         console.print(f"a run with preset {preset}: about {time_words(cost.seconds.likely)}", highlight=False)
-    console.print(f"page: {out}", highlight=False, soft_wrap=True)
+    console.print(f"page: {out}", highlight=False, soft_wrap=True, markup=False)

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from aug3d_core.factory.build import build, work_of
 from aug3d_core.factory.material import Source, source_of
@@ -73,7 +74,8 @@ def predict(
     Without options: a view amid the photographs that look at the middle of the scene. With --poses: from any undistorted
     photographs with poses, in the scene's world or with a point cloud. Exit code 3: most of what is in view no input shows.
 
-    With --photos: finds the poses of a folder of photographs, and predicts some from the others and a flight, in minutes.
+    With --photos: finds the poses of a folder of photographs, and predicts some from the others and a flight, in minutes. Exit
+    code 3: the model may be no better there than an answer without learning.
     """
     with typed_errors(as_json, home):
         if (scene is None) == (photos is None):
@@ -215,4 +217,4 @@ def _print(told: Mapping[str, Any]) -> None:
     for name, value in lines.items():
         console.print(f"{name:>12}  {value}", highlight=False, soft_wrap=True, markup=False)
     for note in told["notes"]:
-        console.print(f"[yellow]note[/] {note}", highlight=False)
+        console.print(f"[yellow]note[/] {escape(note)}", highlight=False)

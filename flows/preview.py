@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import time
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.versions import model_of, versions
@@ -86,21 +89,26 @@ def preview(store: Store, photos: Path, model: str, out: Path | None, as_json: b
     }
     if as_json:
         print(json.dumps(told, indent=1))
-        return 0
-    figures = record.metrics
+    else:
+        _print(console, told)
+    return 3 if record.state == "degraded" else 0
+
+
+def _print(console: Console, told: Mapping[str, Any]) -> None:
+    figures = told["metrics"]
     console.print(f"\n{figures['photographs']} photographs have a pose", highlight=False)
     console.print(
         f"photographs predicted from others: {figures['preview_psnr']:.2f} dB,"
         f" {figures['over_best_cheap_db']:+.2f} dB [at least {figures['over_best_cheap_low_db']:+.2f}] over the better answer"
         " without learning",
         highlight=False,
+        markup=False,
     )
     for what in ("sheet", "flight", "views"):
         console.print(f"{what:>7}  {told[what]}", highlight=False, soft_wrap=True, markup=False)
     for note in told["notes"]:
-        console.print(f"[yellow]note[/] {note}", highlight=False)
+        console.print(f"[yellow]note[/] {escape(note)}", highlight=False)
     console.print(f"{told['seconds']:.0f} s in all", highlight=False)
-    return 0
 
 
 def _say(status, name: str, done: int, total: int, what: str) -> None:

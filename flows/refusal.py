@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 from collections.abc import Iterator
@@ -15,12 +16,22 @@ from rich.markup import escape
 from aug3d_core.run.errors import Aug3dError, StageFailed, UsageError
 from aug3d_core.run.full_disk import NO_ROOM_BYTES, disk_failure, disk_full, free_bytes
 
+_ALLOW = "let this user read or write it, or name another path"
+_REMEDIES = {
+    errno.EACCES: _ALLOW,
+    errno.EPERM: _ALLOW,
+    errno.EROFS: "name a path on a disk that can be written",
+    errno.ENOENT: "check the path: nothing is there, or it has gone since",
+    errno.EISDIR: "name a file: this is a folder",
+    errno.ENOTDIR: "check the path: a part of it is a file, not a folder",
+}
+
 
 @contextmanager
-def typed_errors(as_json: bool, home: Path = Path()) -> Iterator[None]:
+def typed_errors(as_json: bool, home: Path = Path(), *, goes_on: bool = False) -> Iterator[None]:
     """Print an error that people can act on, and leave with the exit code that programs read.
 
-    home: whose disk may be full.
+    home: whose disk may be full. goes_on: what was stopped goes on where it was when it is asked for again.
     """
     try:
         yield
@@ -29,12 +40,26 @@ def typed_errors(as_json: bool, home: Path = Path()) -> Iterator[None]:
     except (typer.Exit, typer.Abort, typer.BadParameter):
         raise
     except Exception as error:  # of any library that meets a full disk, or a server whose database is on it
-        if not disk_full(error) and free_bytes(home) > NO_ROOM_BYTES:
+        if disk_full(error) or _no_room(home):
+            raise _left(disk_failure(home, _briefly(error)), as_json) from error
+        if not (isinstance(error, OSError) and error.filename and error.errno in _REMEDIES):
             raise
-        raise _left(disk_failure(home, _briefly(error)), as_json) from error
+        raise _left(_path_failure(error), as_json) from error
     except KeyboardInterrupt:
-        print("stopped; run the same command again to go on where it was", file=sys.stderr)
+        print("stopped" + "; run the same command again to go on where it was" * goes_on, file=sys.stderr)
         raise typer.Exit(130) from None
+
+
+def _no_room(home: Path) -> bool:
+    try:
+        return free_bytes(home) <= NO_ROOM_BYTES
+    except OSError:  # a home that cannot be looked at has a trouble of its own
+        return False
+
+
+def _path_failure(error: OSError) -> Aug3dError:
+    """Return the typed error of a path that cannot be used."""
+    return Aug3dError(f"{error.filename}: {error.strerror}", _REMEDIES[error.errno or 0])
 
 
 def _briefly(error: Exception) -> str:

@@ -32,7 +32,7 @@ from aug3d_core.store.store import Store
 from flows.refusal import typed_errors
 from flows.scene_facts import scene_facts
 from flows.scene_tables import moment, print_scene, print_scenes
-from flows.summary import program
+from flows.summary import command
 
 Model = TypeVar("Model", bound=BaseModel)
 HOME = Path("aug3d_data")
@@ -98,7 +98,7 @@ def add_scene(
         if as_json:
             print(json.dumps({"file": str(file), **scene_facts(store, scene, entry)}, indent=1))
         else:
-            _print_added(scene, entry, file)
+            _print_added(scene, entry, file, home)
 
 
 @scenes.command("list")
@@ -150,7 +150,7 @@ def drop_scene(
         print(f"{file} is removed")
         if kept:
             print(f"its {_counted(kept)} and what was made for it stay")
-            print(f"\nnext  {program('aug3d')} gc --scene {scene}   (drop these, too)")
+            print(f"\nnext  {command(home, 'gc', '--scene', scene)}   (drop these, too)")
 
 
 @scenes.command("schedule")
@@ -237,10 +237,10 @@ def _checked(model: type[Model], **values: Any) -> Model:
         raise UsageError("; ".join(wrong), "see the command's --help") from error
 
 
-def _print_added(scene: str, entry: SceneEntry, file: Path) -> None:
-    aug3d = program("aug3d")
+def _print_added(scene: str, entry: SceneEntry, file: Path, home: Path) -> None:
     print(f"{scene} is in the registry: {file}")
-    print(f"\nnext  {aug3d} scenes show {scene}   (what it says)")
+    print(f"\nnext  {command(home, 'scenes', 'show', scene)}   (what it says)")
     if entry.schedule is None:
-        print(f'      {aug3d} scenes schedule {scene} --cron "0 3 * * 1"   (make it again every Monday)')
-    print(f"      {aug3d} up   (make it in the browser, and by its schedule)")
+        monday = command(home, "scenes", "schedule", scene, "--cron", "0 3 * * 1")
+        print(f"      {monday}   (make it again every Monday)")
+    print(f"      {command(home, 'up')}   (make it in the browser, and by its schedule)")

@@ -105,7 +105,7 @@ def _study(
     from aug3d_core.studies.named import Asked
     from aug3d_core.studies.paper.page import publication
 
-    with typed_errors(as_json, home), using(home) as store:
+    with typed_errors(as_json, home, goes_on=True), using(home) as store:
         console = Console(stderr=True)
         given = {
             "study": table,
@@ -177,8 +177,9 @@ def publish(store: Store, console: Console, study: Publication) -> Path:
 def print_folder(folder: Path) -> None:
     """Print where a study is."""
     console = Console()
-    console.print(f"page, chart and data: {folder}", highlight=False, soft_wrap=True)
-    console.print(f"all studies on one page: {folder.parents[1] / layout.STORY}", highlight=False, soft_wrap=True)
+    console.print(f"page, chart and data: {folder}", highlight=False, soft_wrap=True, markup=False)
+    story = folder.parents[1] / layout.STORY
+    console.print(f"all studies on one page: {story}", highlight=False, soft_wrap=True, markup=False)
 
 
 def widen(console: Console) -> None:

@@ -31,7 +31,7 @@ def study_generalisation(
     from aug3d_core.studies.generalisation.page import publication
     from aug3d_core.studies.named import Asked
 
-    with typed_errors(as_json, home), using(home) as store:
+    with typed_errors(as_json, home, goes_on=True), using(home) as store:
         given = {"collection": collection, "head": head, "seeds": seeds}
         console, asked = Console(stderr=True), Asked(name="generalisation", given=given)
         title = f"generalisation of {collection}"

@@ -38,7 +38,7 @@ def study_stability(
     from aug3d_core.studies.named import Asked
     from aug3d_core.studies.stability.page import publication
 
-    with typed_errors(as_json, home):
+    with typed_errors(as_json, home, goes_on=True):
         console, asked = (
             Console(stderr=True),
             Asked(name="stability", given={"only": only, "seeds": seeds, "quick": quick}),

@@ -66,7 +66,7 @@ def study_tradeoff(
     from aug3d_core.studies.tradeoff.findings import crashes
     from aug3d_core.studies.tradeoff.page import publication
 
-    with typed_errors(as_json, home):
+    with typed_errors(as_json, home, goes_on=True):
         machine, data, crashed, console = describe_machine(), [], 0, Console(stderr=True)
         given = {
             "seeds": seeds, "target_db": target_db, "search": search, "only": only, "quick": quick,

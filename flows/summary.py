@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import shutil
 import sys
@@ -20,9 +21,11 @@ from aug3d_core.judging.names import called, interval_words
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
+from flows.settings import HOME
 from flows.words import figure, traffic_words
 
 WIDTH = 120
+_DEFAULT_HOME = "aug3d_data"
 
 
 def tell_of_damage(store: Store, scene: str) -> None:
@@ -45,7 +48,7 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
             console.print(f"{folds} folds: every figure is over all of them")
     for stage, figures in metrics["stages"].items():
         for note in figures["notes"]:
-            console.print(f"[yellow]note[/] {stage}: {note}", highlight=False)
+            console.print(f"[yellow]note[/] {stage}: {escape(note)}", highlight=False)
     if why := metrics.get("mlflow", {}).get("waiting"):
         console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
     _print_places(console, metrics)
@@ -111,7 +114,7 @@ def _print_places(console: Console, metrics: dict[str, Any]) -> None:
     if "dataset" in paths["objects"]:
         places["data set"] = paths["objects"]["dataset"]
     for name, place in places.items():
-        console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True)
+        console.print(f"{name:>9}  {place}", highlight=False, soft_wrap=True, markup=False)
 
 
 def _mlflow_pages(paths: Mapping[str, Any]) -> str:
@@ -122,6 +125,13 @@ def _mlflow_pages(paths: Mapping[str, Any]) -> str:
     _, _, _, home, *_ = Path(paths["metrics"]).parents
     own = paths["mlflow"] == f"sqlite:///{home / layout.MLFLOW_DATABASE}"
     return shlex.join([program("aug3d"), "up", "--home", str(home)]) if own else paths["mlflow"]
+
+
+def command(home: Path, *words: str | Path) -> str:
+    """Return a command of aug3d for the user's shell; it names the home if the command would not find it by itself."""
+    found = Path(os.environ.get(HOME) or _DEFAULT_HOME)
+    where = [] if home.resolve() == found.resolve() else ["--home", str(home)]
+    return shlex.join([program("aug3d"), *map(str, words), *where])
 
 
 def program(name: str) -> str:

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 
 from aug3d_core.run.errors import Aug3dError, UsageError
@@ -113,7 +114,7 @@ def _say_read(console: Console, of: str, told: dict[str, Any]) -> None:
 
 def _say_damaged(console: Console, path: str, what: str, needed_by: tuple[str, ...]) -> None:
     needed = f"; needed by {', '.join(needed_by)}" if needed_by else ""
-    console.print(f"[red]damaged[/] {path}: {what}{needed}", highlight=False, soft_wrap=True)
+    console.print(f"[red]damaged[/] {escape(f'{path}: {what}{needed}')}", highlight=False, soft_wrap=True)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 WPML as published by DJI ("DJI WPML", Cloud API documentation, namespace 1.0.2): a KMZ of `wpmz/template.kml`, which programs
 edit, and `wpmz/waylines.wpml`, which the drone flies. Heights there are above the take-off point. They are counted from the
-lowest ground of the scene, so that whoever takes off higher flies higher, never lower.
+lowest ground of the scene: whoever takes off higher flies higher by that, and whoever takes off lower flies lower.
 """
 
 from __future__ import annotations

@@ -15,10 +15,9 @@ from aug3d_core.dataset.images import fit
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Views
-from aug3d_core.judging.files import COMPARED, mask_of, prediction_of, truth_of
+from aug3d_core.judging.files import mask_of, prediction_of, truth_of
 from aug3d_core.photos.files import image_name
 
-READ = f"{COMPARED}/"
 _AROUND_PX = 9  # a pixel's error says little of its place, that of some square of them more
 _LEAST, _MOST = 0.5, 2.0  # a few test photographs must not outweigh what all photographs say
 _STEEPEST = 0.15

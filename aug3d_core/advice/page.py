@@ -49,6 +49,8 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
     ]
     told = "".join(tag("span", f"{escape(name)} {tag('b', escape(value))}") for name, value in facts)
     parts.append(tag("div", told, class_="facts"))
+    if said := caution(plan):
+        parts.append(tag("p", tag("b", escape(said)), class_="note"))
     parts += [tag("h2", "What is missing now, and where to stand"), _map(plan, mesh, plan.before, True)]
     if plan.choice.advised:
         parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.after, False)]
@@ -71,6 +73,16 @@ def verdict(plan: Plan) -> str:
     )
 
 
+def caution(plan: Plan) -> str:
+    """Return what whoever flies the mission must heed; empty where there is none."""
+    if plan.take_off_m is None or not plan.choice.advised:
+        return ""
+    return (
+        f"Do not take off below {plan.take_off_m:.0f} m, the lowest ground of the area (altitude as the photographs' GPS or "
+        "the control points have it): the mission's heights are above the take-off point; from lower down it flies lower."
+    )
+
+
 def why(one: Advised) -> str:
     """Say what a photograph is for."""
     reasons = []
@@ -86,9 +98,8 @@ def why(one: Advised) -> str:
 def _map(plan: Plan, mesh: Mesh, missing: Float[np.ndarray, " s"], with_advice: bool) -> str:
     site = plan.site
     wanted = site.area.middle(site.area.wanted)
-    places = np.concatenate(
-        [wanted, [one.xyz[:2] for one in plan.choice.advised], centres(plan.views.cam_from_world)[:, :2]]
-    )
+    at = np.array([one.xyz[:2] for one in plan.choice.advised]).reshape(-1, 2)
+    places = np.concatenate([wanted, at, centres(plan.views.cam_from_world)[:, :2]])
     low, high = places.min(axis=0), places.max(axis=0)
     pad = 0.03 * float((high - low).max())
     frame = Frame(low - pad, high + pad, 1.0).scaled(_MAP_PX)
@@ -98,7 +109,6 @@ def _map(plan: Plan, mesh: Mesh, missing: Float[np.ndarray, " s"], with_advice: 
     for x, y in frame.place(centres(plan.views.cam_from_world)[:, :2]):
         drawn += f'<circle class="at" cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>'
     if with_advice:
-        at = np.array([one.xyz[:2] for one in plan.choice.advised]).reshape(-1, 2)
         drawn += lines(frame, at[:-1], at[1:], "flown")
         drawn += "".join(_mark(frame, one) for one in plan.choice.advised)
     title = "Map of what is missing, north up"

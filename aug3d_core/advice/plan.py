@@ -15,6 +15,7 @@ from aug3d_core.advice.need import need_of
 from aug3d_core.advice.route import route
 from aug3d_core.advice.site import Site, site_of
 from aug3d_core.export.finished import required, world_of
+from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.views import Points, Views
 from aug3d_core.sfm.files import POINTS, VIEWS
@@ -42,6 +43,13 @@ class Plan:
     def lowest_ground(self) -> float:
         """The lowest height of the area and its surroundings."""
         return float(self.site.area.heights.min())
+
+    @property
+    def take_off_m(self) -> float | None:
+        """The altitude below which nobody may take off, or the mission flies too low; None where no GPS told the origin."""
+        if self.origin is None:
+            return None
+        return float(geodetic_from_enu(np.array([0.0, 0.0, self.lowest_ground]), self.origin)[2])
 
 
 def plan_of(

@@ -25,7 +25,6 @@ from aug3d_core.run.errors import InputError
 
 _CELLS, _MOST_CELLS = 20, 400  # along the ground of a picture; along the map
 _SEED = 0
-_UPRIGHT = 0.3  # vertical part of the normal below which a surface is a wall
 _MARGIN_SHARE = 0.2  # of the flight's height, where no metre is known
 
 
@@ -65,7 +64,6 @@ class Site:
     area: Area
     samples: Samples
     in_hole: Bool[np.ndarray, " s"]
-    sample_area: float
     surface: Raycaster
     ground: GroundModel
     height: float
@@ -98,7 +96,7 @@ def site_of(mesh: Mesh, views: Views, points_in_world: Float[np.ndarray, "p 3"],
     roof = float(median_filter(area.heights, 3).max())  # a speck of the mesh above the roofs is none
     floor = roof + (_MARGIN_SHARE * height if margin is None else margin)
     samples, in_hole = _samples(area, mesh)
-    return Site(area, samples, in_hole, area.cell**2, surface, ground, height, picture, roof, floor)
+    return Site(area, samples, in_hole, surface, ground, height, picture, roof, floor)
 
 
 def _area(

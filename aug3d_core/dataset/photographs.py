@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from aug3d_core.dataset.bounds import near_far
+from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.dataset.images import fit
+from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.projection import middle_ground
-from aug3d_core.dataset.real import packed_alpha, packed_colour, seen_depths
-from aug3d_core.dataset.scene import FINER, GROUPS, REAL, SPLITS, Scene
+from aug3d_core.dataset.real import packed_pictures, seen_depths
+from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -20,7 +23,10 @@ from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
 
 
 def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: float, margin_share: float) -> Scene:
-    """Return all photographs that have a pose, at a size (width, height), over the ground that their points show."""
+    """Return all photographs that have a pose, at a size (width, height), over the ground that their points show.
+
+    Each is read when it is asked for, and held while there is room.
+    """
     views, points, tracks = Views.load(sfm / VIEWS), Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     if not len(views):
         raise InputError("no photograph has a pose", "give photographs that overlap")
@@ -28,19 +34,20 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
     fits = [fit(int(w), int(h), *size_px) for w, h in views.size]
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
     poses = homogeneous(invert(views.cam_from_world))
-    images, fine, alpha, bounds = [], [], [], []
-    for view, (crop, pose) in enumerate(zip(fits, poses, strict=True)):
-        images.append(packed_colour(sfm, int(views.photo_id[view]), crop))
-        fine.append(packed_colour(sfm, int(views.photo_id[view]), crop.times(FINER)))
-        alpha.append(packed_alpha(sfm, int(views.photo_id[view]), crop))
-        bounds.append(near_far(slab, pose, intrinsics[view], size_px, seen_depths(views, points, tracks, view)))
-    shape = (count, size_px[1], size_px[0])
+    cache = Cache()
+    images, fine, alpha = (_held(one, i, cache) for i, one in enumerate(packed_pictures(sfm, views, fits)))
+    nothing = np.zeros(size_px[::-1], np.float16)
+    unknown: Any = OnDemand(count, nothing.shape, np.float16, lambda _: nothing)
+    bounds = [
+        near_far(slab, pose, lens, size_px, depths)
+        for pose, lens, depths in zip(poses, intrinsics, seen_depths(views, points, tracks), strict=True)
+    ]
     scene = Scene(
-        images=np.stack(images),
-        fine_images=np.stack(fine),
-        alpha=np.stack(alpha),
-        depth=np.zeros(shape, np.float16),
-        scaffold=np.zeros(shape, np.float16),
+        images=images,
+        fine_images=fine,
+        alpha=alpha,
+        depth=unknown,
+        scaffold=unknown,
         world_from_cam=poses,
         intrinsics=intrinsics,
         near_far=np.stack(bounds),
@@ -50,10 +57,23 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
         splits=np.full(count, SPLITS.index("support"), np.uint8),
         groups={name: np.zeros((0, 1), np.int32) for name in GROUPS},
         baseline_view=np.zeros(0, np.int32),
-        baseline_images=np.zeros((0, *shape[1:], 3), np.uint8),
-        baseline_alpha=np.zeros((0, *shape[1:]), np.uint8),
+        baseline_images=np.zeros((0, *nothing.shape, 3), np.uint8),
+        baseline_alpha=np.zeros((0, *nothing.shape), np.uint8),
         slab=slab,
         scale=1.0,
     )
     away = [np.linalg.norm(middle_ground(scene, view) - pose[:3, 3]) for view, pose in enumerate(poses)]
     return replace(scene, scale=float(np.median(away)))
+
+
+def _held(pictures: OnDemand, number: int, cache: Cache) -> Any:
+    """Return pictures that are read once while the cache has room; `number` tells them from others in it."""
+
+    def get(view: int) -> np.ndarray:
+        found = cache.get(number, view)
+        if found is None:
+            found = pictures[view]
+            cache.put(number, view, found)
+        return found
+
+    return OnDemand(len(pictures), pictures.shape[1:], pictures.dtype, get)

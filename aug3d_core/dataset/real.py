@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,29 +51,24 @@ def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: Datase
     fits = [fit(int(w), int(h), *size) for w, h in views.size]
     world_from_cam = homogeneous(invert(views.cam_from_world))
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
+    images, fine_images, alpha = packed_pictures(sfm, views, fits)
     bounds = [
-        near_far(slab, world_from_cam[i], intrinsics[i], size, seen_depths(views, points, tracks, i))
-        for i in range(len(views))
+        near_far(slab, pose, lens, size, depths)
+        for pose, lens, depths in zip(world_from_cam, intrinsics, seen_depths(views, points, tracks), strict=True)
     ]
     splits = read_splits(grouping / SPLIT_TABLE, views)
     train = splits == SPLITS.index("train")
-    shape = (len(views), size[::-1])
 
     def stereo(view: int) -> Float16[np.ndarray, "h w"]:
-        photo_id = int(views.photo_id[view])
-        shown = packed_alpha(sfm, photo_id, fits[view]) > 0
-        return np.where(shown, _stereo(depth, photo_id, config), np.float16(0))
-
-    def colours(times: int) -> OnDemand:
-        at = [one.times(times) for one in fits]
-        shape = (times * size[1], times * size[0], 3)
-        return OnDemand(len(views), shape, np.uint8, lambda i: packed_colour(sfm, int(views.photo_id[i]), at[i]))
+        if not train[view]:
+            return np.zeros(size[::-1], np.float16)
+        return np.where(alpha[view] > 0, _stereo(depth, int(views.photo_id[view]), config), np.float16(0))
 
     return RealViews(
-        colours(1),
-        colours(FINER),
-        OnDemand(*shape, np.uint8, lambda i: packed_alpha(sfm, int(views.photo_id[i]), fits[i])),
-        OnDemand(*shape, np.float16, lambda i: stereo(i) if train[i] else np.zeros(size[::-1], np.float16)),
+        images,
+        fine_images,
+        alpha,
+        OnDemand(len(views), size[::-1], np.float16, stereo),
         world_from_cam,
         intrinsics,
         np.array(bounds),
@@ -89,6 +85,28 @@ def read_splits(path: Path, views: Views) -> UInt8[np.ndarray, " n"]:
     return np.array([SPLITS.index(role) for role in table["role"]], np.uint8)
 
 
+def packed_pictures(sfm: Path, views: Views, fits: list[Fit]) -> tuple[OnDemand, OnDemand, OnDemand]:
+    """Return images, fine images and alpha of photographs, each read when it is asked for; `fits` has the crop of each.
+
+    Raises InputError with the photographs of which their masks leave nothing.
+    """
+    photo_id, count, size = views.photo_id.tolist(), len(views), (fits[0].height_px, fits[0].width_px)
+    alpha = OnDemand(count, size, np.uint8, lambda i: packed_alpha(sfm, photo_id[i], fits[i]))
+    bare = [str(photo) for i, photo in enumerate(photo_id) if not alpha[i].any()]
+    if bare:
+        raise InputError(
+            f"masks leave nothing of {len(bare)} photos as they are packed, {size[1]}x{size[0]} px: {', '.join(bare)}",
+            "mend the masks, or take the photographs out",
+        )
+
+    def colours(times: int) -> OnDemand:
+        at = [one.times(times) for one in fits]
+        shape = (times * size[0], times * size[1], 3)
+        return OnDemand(count, shape, np.uint8, lambda i: packed_colour(sfm, photo_id[i], at[i]))
+
+    return colours(1), colours(FINER), alpha
+
+
 def packed_colour(sfm: Path, photo_id: int, crop: Fit) -> UInt8[np.ndarray, "h w 3"]:
     """Return a photograph at packed size, without what is masked."""
     with Image.open(sfm / VIEW_IMAGES / image_name(photo_id)) as image:
@@ -98,17 +116,11 @@ def packed_colour(sfm: Path, photo_id: int, crop: Fit) -> UInt8[np.ndarray, "h w
 
 
 def packed_alpha(sfm: Path, photo_id: int, crop: Fit) -> UInt8[np.ndarray, "h w"]:
-    """Return 0 where a photograph is masked, 255 elsewhere; raises InputError where nothing is left of it."""
+    """Return 0 where a photograph is masked, 255 elsewhere."""
     used = used_pixels(sfm / VIEW_MASKS / image_name(photo_id))
     if used is None:
         return np.full((crop.height_px, crop.width_px), 255, np.uint8)
-    alpha = crop.alpha(used)
-    if not alpha.any():
-        raise InputError(
-            f"its mask leaves nothing of photo {photo_id} as it is packed, {crop.width_px}x{crop.height_px} px",
-            "mend the mask, or take the photograph out",
-        )
-    return alpha
+    return crop.alpha(used)
 
 
 def _stereo(depth: Path, photo_id: int, config: DatasetConfig) -> Float16[np.ndarray, "h w"]:
@@ -120,7 +132,10 @@ def _stereo(depth: Path, photo_id: int, config: DatasetConfig) -> Float16[np.nda
     return fit(values.shape[1], values.shape[0], config.width_px, config.height_px).nearest(values).astype(np.float16)
 
 
-def seen_depths(views: Views, points: Points, tracks: Tracks, view: int) -> np.ndarray:
-    """Return the depths of the points that a view is known to see; of all points before it where there are none."""
-    depths = depths_in(views.cam_from_world[view], points.xyz[tracks.point[tracks.view == view]])
-    return depths if len(depths) else depths_in(views.cam_from_world[view], points.xyz)
+def seen_depths(views: Views, points: Points, tracks: Tracks) -> Iterator[Float[np.ndarray, " s"]]:
+    """Yield for each view the depths of the points that it is known to see; of all points before it where there are none."""
+    order = np.argsort(tracks.view, kind="stable")
+    first = np.searchsorted(tracks.view[order], np.arange(1, len(views)))
+    for pose, seen in zip(views.cam_from_world, np.split(order, first), strict=True):
+        depths = depths_in(pose, points.xyz[tracks.point[seen]])
+        yield depths if len(depths) else depths_in(pose, points.xyz)

@@ -22,5 +22,5 @@ def geometric_map_name(photo_id: int) -> str:
 
 
 def planes_name(photo_id: int) -> str:
-    """Name of the file beside a photograph's raw map that says how many planes were tried: written last."""
+    """Name of the file beside a photograph's raw map that says how many planes were tried: written after it, kept longer."""
     return f"{image_name(photo_id)}.planes"

@@ -7,8 +7,9 @@ below the best angle, where depth becomes uncertain, and wide above it, where su
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
+from aug3d_core.depth.rows import Rows
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Points, Tracks, Views
 
@@ -25,18 +26,18 @@ def angle_weight(angle_deg: Float[np.ndarray, " *n"]) -> Float[np.ndarray, " *n"
 
 
 def scores(
-    views: Views, points: Points, tracks: Tracks, view: int, allowed: Bool[np.ndarray, " n"]
+    centre: Float[np.ndarray, "n 3"],
+    xyz: Float[np.ndarray, "s 3"],
+    other: Int[np.ndarray, " s"],
+    view: int,
 ) -> Float[np.ndarray, " n"]:
-    """Return the score of each view as a source of `view`; 0 for itself, for others not allowed, and without overlap."""
-    seen = tracks.point[tracks.view == view]
-    of_point = np.zeros(len(points.xyz), bool)
-    of_point[seen] = True
-    shared = of_point[tracks.point] & allowed[tracks.view] & (tracks.view != view)
-    point, other = tracks.point[shared], tracks.view[shared]
-    centre = centres(views.cam_from_world)
-    angle_deg = _angles_deg(points.xyz[point], centre[view], centre[other])
-    score = np.bincount(other, angle_weight(angle_deg), minlength=len(views)).astype(float)  # of nothing: integers
-    score[np.bincount(other, minlength=len(views)) < FEWEST_SHARED] = 0.0
+    """Return the score of each view as a source of `view`; 0 without overlap.
+
+    centre: of each view, in the world. xyz, other: points that `view` sees, and for each an other view that sees it too.
+    """
+    angle_deg = _angles_deg(xyz, centre[view], centre[other])
+    score = np.bincount(other, angle_weight(angle_deg), minlength=len(centre)).astype(float)  # of nothing: integers
+    score[np.bincount(other, minlength=len(centre)) < FEWEST_SHARED] = 0.0
     return score
 
 
@@ -52,9 +53,13 @@ def choose_sources(
 
     A view that overlaps with none has an empty list, and is no source: it will have no depth map.
     """
-    chosen = {}
+    chosen, centre = {}, centres(views.cam_from_world)
+    by_view, by_point = Rows(tracks.view, len(views)), Rows(tracks.point, len(points.xyz))
     for view in np.flatnonzero(given).tolist():
-        score = scores(views, points, tracks, view, train if train[view] else given)
+        allowed = train if train[view] else given
+        shared = by_point.having(np.unique(tracks.point[by_view.having(np.array([view]))]))
+        shared = shared[allowed[tracks.view[shared]] & (tracks.view[shared] != view)]
+        score = scores(centre, points.xyz[tracks.point[shared]], tracks.view[shared], view)
         order = np.lexsort((np.arange(len(score)), -score))[:most]
         chosen[view] = order[score[order] > 0].tolist()
     return _among_themselves(chosen)

@@ -23,6 +23,7 @@ from aug3d_core.depth.files import (
     DEPTH_SHEET,
     FUSED,
     FUSED_TILES,
+    NORMAL_MAPS,
     RAW,
     geometric_map_name,
     planes_name,
@@ -33,6 +34,7 @@ from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.patch_match import check_patch_match, patch_match
 from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
+from aug3d_core.depth.rows import Rows
 from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, mask_maps, write_patch_match_list, write_workspace
 from aug3d_core.geometry.depth_maps import read_map
@@ -77,9 +79,10 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     else:
         tasks = _tasks(views, points, tracks, sources, config)
         (out / RAW).mkdir(exist_ok=True)
-        swept = sum((out / RAW / planes_name(int(views.photo_id[view]))).exists() for view in usable)
+        swept = _swept(out, views.photo_id[usable].tolist())
         planes = _sweep(tasks, sfm, workspace, config, progress)
-        shutil.rmtree(out / RAW)
+        for raw in (out / RAW).glob("*.bin"):
+            raw.unlink()  # all are compared; what is left says that none is to be swept again
     seconds, made = time.monotonic() - started, len(usable) - swept
     dense = Dense(workspace, views, sizes, points, tracks)
 
@@ -89,9 +92,13 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     fused, tiles = fuse_to(out / FUSED, dense, [view for view in usable if train[view]], told)
     baseline, baseline_tiles = fuse_to(out / BASELINE_FUSED, dense, usable, told)
     draw_sheet(out, images, views, evenly_spread(np.array(usable), PICTURE_ROWS).tolist())
-    shutil.rmtree(workspace / IMAGES)
-    shutil.rmtree(out / FUSED_TILES, ignore_errors=True)
     share = _consistent_share(out, views, masks, usable)
+    # At the very end: a try that is killed before goes on from them
+    shutil.rmtree(workspace / IMAGES)
+    for folder in (RAW, FUSED_TILES):
+        shutil.rmtree(out / folder, ignore_errors=True)
+    for photometric in workspace.glob("stereo/*_maps/*.photometric.bin"):
+        photometric.unlink()  # patch-match's first pass
     metrics: dict[str, Metric] = {
         "photos": len(usable),
         "engine": config.engine,
@@ -140,12 +147,28 @@ def _sources(
 def _tasks(
     views: Views, points: Points, tracks: Tracks, sources: dict[int, list[int]], config: DepthConfig
 ) -> list[PhotoTask]:
+    by_view = Rows(tracks.view, len(views))
     return [
         PhotoTask(view=view, sources=tuple(chosen[: config.sources]), others=tuple(chosen), depth=depth, height=height)
         for view, chosen in sources.items()
         if chosen
-        for depth, height in [depth_and_height_ranges(views, points, tracks, view)]
+        for seen in [points.xyz[tracks.point[by_view.having(np.array([view]))]]]
+        for depth, height in [depth_and_height_ranges(views.cam_from_world[view], seen)]
     ]
+
+
+def _swept(out: Path, photo_ids: list[int]) -> int:
+    """Return how many photographs an earlier try has swept.
+
+    Where maps are still to be compared and a raw one is gone, as after a machine that was lost in between, its photograph
+    counts as never swept.
+    """
+    told = {photo: out / RAW / planes_name(photo) for photo in photo_ids}
+    if not all((out / NORMAL_MAPS / geometric_map_name(photo)).exists() for photo in photo_ids):
+        for photo, file in told.items():
+            if not (out / RAW / geometric_map_name(photo)).exists():
+                file.unlink(missing_ok=True)
+    return sum(file.exists() for file in told.values())
 
 
 def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[int]:

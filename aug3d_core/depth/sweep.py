@@ -36,7 +36,6 @@ class Sweep:
 
     depth: Float32[np.ndarray, "h w"]
     score: Float32[np.ndarray, "h w"]  # -1 to 1
-    normal: Float32[np.ndarray, "h w 3"]  # of the plane, in the camera's frame, towards the camera
 
 
 class Reference:
@@ -114,8 +113,7 @@ def _sweep_family(prepared: Reference, camera: Camera, sources: list[Photo], fam
     with np.errstate(divide="ignore"):
         depth = 1 / (inverse * (camera.rays @ family.normal))
     depth[~np.isfinite(depth) | (depth < 0)] = 0.0
-    normal = np.broadcast_to(-family.normal.astype(np.float32), (*shape, 3))
-    return Sweep(depth.astype(np.float32), score, normal)
+    return Sweep(depth.astype(np.float32), score)
 
 
 def _warp(camera: Camera, source: Photo, normal: np.ndarray, inverse: float) -> UInt8[np.ndarray, "h w"]:
@@ -137,13 +135,9 @@ def _parabola_offset(before: np.ndarray, best: np.ndarray, after: np.ndarray) ->
 
 def _empty(camera: Camera) -> Sweep:
     shape = (camera.height, camera.width)
-    return Sweep(np.zeros(shape, np.float32), np.full(shape, -1.0, np.float32), np.zeros((*shape, 3), np.float32))
+    return Sweep(np.zeros(shape, np.float32), np.full(shape, -1.0, np.float32))
 
 
 def _better(one: Sweep, other: Sweep) -> Sweep:
     take = (other.score > one.score) & (other.depth > 0)
-    return Sweep(
-        np.where(take, other.depth, one.depth),
-        np.where(take, other.score, one.score),
-        np.where(take[..., None], other.normal, one.normal),
-    )
+    return Sweep(np.where(take, other.depth, one.depth), np.where(take, other.score, one.score))

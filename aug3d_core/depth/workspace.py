@@ -14,12 +14,13 @@ from PIL import Image
 
 from aug3d_core.depth.cameras import camera_of
 from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
+from aug3d_core.depth.rows import Rows
 from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 
-IMAGES, SPARSE, STEREO = "images", "sparse", "stereo"
+IMAGES, SPARSE = "images", "sparse"
 PATCH_MATCH_LIST, FUSION_LIST = "stereo/patch-match.cfg", "stereo/fusion.cfg"
 
 
@@ -60,10 +61,11 @@ def sparse_model(
     model = pycolmap.Reconstruction()
     kept = np.isin(tracks.view, chosen)
     kept &= np.bincount(tracks.point[kept], minlength=len(points.xyz))[tracks.point] >= 2
-    scale = sizes / views.size
+    scale, by_view = sizes / views.size, Rows(tracks.view, len(views))
     index = np.zeros(len(kept), int)  # of each observation among those of its image
     for view in chosen:
-        camera, rows = camera_of(views, view, sizes[view]), np.flatnonzero(kept & (tracks.view == view))
+        camera, rows = camera_of(views, view, sizes[view]), by_view.having(np.array([view]))
+        rows = rows[kept[rows]]
         index[rows] = np.arange(len(rows))
         model.add_camera_with_trivial_rig(
             pycolmap.Camera(

@@ -12,7 +12,7 @@ from skimage.measure import label, regionprops_table
 
 @dataclass(frozen=True)
 class Buildings:
-    """Where buildings stand in the surface seen from straight above; rasters as in `sampling/ground.py`."""
+    """Where buildings stand in the surface seen from straight above; rasters as in `height_raster.py`."""
 
     mask: Bool[np.ndarray, "y x"]
     boxes: Float[np.ndarray, "b 4"]

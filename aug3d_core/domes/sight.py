@@ -67,16 +67,27 @@ class Samples:
 
         steepest: least cosine of the angle between that vector and the surface's normal.
         """
-        in_cam = apply(cam_from_world, self.xyz)
-        in_front = np.flatnonzero(in_cam[:, 2] > 0)
-        xy = project(in_cam[in_front], intrinsics)
-        inside = in_front[((xy >= 0) & (xy < size)).all(axis=1)]
+        inside, depth = framed(self.xyz, cam_from_world, intrinsics, size)
         to_point = self.xyz[inside] - centres(cam_from_world)
         towards = -to_point / np.linalg.norm(to_point, axis=1, keepdims=True)
         facing = np.einsum("pk,pk->p", towards, self.normal[inside]) > steepest
         free = facing.copy()
         free[facing] = ~surface.occluded(centres(cam_from_world), to_point[facing], 0.0, 1 - GAP)
-        return inside[free], in_cam[inside[free], 2], towards[free]
+        return inside[free], depth[free], towards[free]
+
+
+def framed(
+    xyz: Float[np.ndarray, "p 3"],
+    cam_from_world: Float[np.ndarray, "3 4"],
+    intrinsics: Float[np.ndarray, " 4"],
+    size: Int[np.ndarray, " 2"],
+) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+    """Return the points that lie in a camera's frame, hidden or not, and their depths."""
+    in_cam = apply(cam_from_world, xyz)
+    in_front = np.flatnonzero(in_cam[:, 2] > 0)
+    xy = project(in_cam[in_front], intrinsics)
+    inside = in_front[((xy >= 0) & (xy < size)).all(axis=1)]
+    return inside, in_cam[inside, 2]
 
 
 def spread_over(mesh: Mesh, count: int, limits: Float[np.ndarray, " l"], rng: np.random.Generator) -> Samples:

@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float, Int
 from aug3d_core.domes.config import SamplingConfig
 from aug3d_core.domes.height_raster import HeightRaster, height_raster
 from aug3d_core.domes.justified import sampling_by_photos
+from aug3d_core.domes.sight import framed
 from aug3d_core.geometry.ground_model import fit_ground
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Raycaster
-from aug3d_core.geometry.transforms import apply
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.errors import InputError
 
@@ -79,10 +79,20 @@ def lens_like(views: Views, size: Int[np.ndarray, " 2"]) -> Float[np.ndarray, " 
 
 
 def photo_sampling(views: Views, mesh: Mesh, size: Int[np.ndarray, " 2"]) -> float:
-    """Return the size on the surface (world units) of a median photo's pixel, once reduced to views of this size."""
+    """Return the size on the surface (world units) of a median photo's pixel, once reduced to views of this size.
+
+    Only what a photo frames counts: of an oblique one most of a large surface lies elsewhere. Raises InputError if none
+    frames any.
+    """
     sample = mesh.xyz[:: max(1, len(mesh.xyz) // 10_000)].astype(float)
-    in_cam = apply(views.cam_from_world, np.broadcast_to(sample, (len(views), *sample.shape)))
-    return float(np.median(np.median(in_cam[..., 2], axis=1) / (views.intrinsics[:, 0] * _reduction(views, size))))
+    lens, sampling = reduced(views, size).intrinsics[:, 0], list[float]()
+    for view, focal_px in enumerate(lens):
+        depth = framed(sample, views.cam_from_world[view], views.intrinsics[view], views.size[view])[1]
+        if len(depth):
+            sampling.append(float(np.median(depth)) / focal_px)
+    if not sampling:
+        raise InputError("no train photo frames any of the mesh", "make the surface again from the photos")
+    return float(np.median(sampling))
 
 
 def reduced(views: Views, size: Int[np.ndarray, " 2"]) -> Views:

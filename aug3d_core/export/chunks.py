@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from aug3d_core.export.taken import Taken
+from aug3d_core.export.taken import TEST, TRAIN, Taken
 from aug3d_core.geometry.transforms import invert
 
 _CHUNK_BYTES = 100 * 2**20
@@ -19,7 +19,12 @@ _MICROSECONDS = 33_333  # between two timestamps; they only tell the order
 
 
 def write_chunks(taken: Sequence[Taken], folder: Path) -> None:
-    """Write the sequences of one part."""
+    """Write sequences, each part in a folder with an index of its own."""
+    for part in (TRAIN, TEST):
+        _write_part([one for one in taken if one.part == part], folder / part)
+
+
+def _write_part(taken: Sequence[Taken], folder: Path) -> None:
     index: dict[str, str] = {}
     chunk: list[dict[str, Any]] = []
     size = number = 0

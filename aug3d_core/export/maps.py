@@ -2,8 +2,9 @@
 
 The mesh is the one that judges the model, of all photographs but those held out, since it covers the ground of the test too.
 
-Both pictures are cloud-optimised GeoTIFF. With positions by GPS they lie in the UTM zone of the scene (WGS 84); without, in the
-scene's own world and units, and say so by having no reference system. Heights are metres on the datum of the photographs' GPS.
+Both pictures are cloud-optimised GeoTIFF. With GPS or control points they lie in the UTM zone of the scene (WGS 84); without,
+in the scene's own world and units, and say so by having no reference system. Heights are metres on the datum of the GPS
+altitudes, or of the control points.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ _READ = {
 _KML = "http://www.opengis.net/kml/2.2"
 _STRIP_ROWS, _BLOCK_PX = 256, 512
 NO_HEIGHT = -9999.0
+_CONTROL = "control"  # in `world.json`, where control points tell the world
 _FITTED = 9  # places along each side of the scene that fit the grid of the map to the world
+_STEEP_DEG = 45.0  # below the horizon: from here on the upper edge of a picture tells its heading better than the look
 _LARGEST_OFF = 0.25  # of a pixel: so far the fit may be off, or the scene is too large to count as flat
 
 Progress = Callable[[int, int], None]
@@ -57,12 +60,13 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class MapWritten:
-    """What was written. crs: such as EPSG:32632, "" without positions. pixel: its side, in `unit`.
+    """What was written. crs: such as EPSG:32632, "" without positions. by_control: control points tell the world, and not GPS.
 
-    covered: share of the picture that shows ground.
+    pixel: its side, in `unit`. covered: share of the picture that shows ground.
     """
 
     crs: str
+    by_control: bool
     unit: str
     pixel: float
     width_px: int
@@ -110,7 +114,8 @@ def export_map(
     covered = _write(mesh, grid, origin, folder, progress)
     _write_cameras(views, photos, origin, folder)
     crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
-    return MapWritten(crs, world["unit"], grid.pixels.a, grid.width, grid.height, covered, len(views))
+    by_control = world.get("up_from") == _CONTROL
+    return MapWritten(crs, by_control, world["unit"], grid.pixels.a, grid.width, grid.height, covered, len(views))
 
 
 def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> Grid:
@@ -176,6 +181,7 @@ def _write(
                 driver="COG",
                 compress="deflate",
                 blocksize=_BLOCK_PX,
+                BIGTIFF="IF_SAFER",
                 overview_resampling=resampling,
             )
     finally:
@@ -213,22 +219,32 @@ def _write_cameras(views: Views, photos: Path, origin: Float[np.ndarray, " 3"] |
     names = dict(zip(table["photo_id"], table["name"], strict=True))
     at = centres(views.cam_from_world)
     where = at if origin is None else geodetic_from_enu(at, origin)[:, [1, 0, 2]]
-    looks = views.cam_from_world[:, 2, :3]
+    looks, yaws_deg = views.cam_from_world[:, 2, :3], headings_deg(views.cam_from_world)
     features = [
         {
             "type": "Feature",
             "geometry": {"type": "Point", "coordinates": [round(float(value), 8) for value in place]},
             "properties": {
                 "name": names[photo],
-                "yaw_deg": round(float(np.degrees(np.arctan2(look[0], look[1]))) % 360, 2),
+                "yaw_deg": round(float(yaw_deg), 2) % 360,
                 "pitch_deg": round(float(np.degrees(np.arcsin(np.clip(look[2], -1, 1)))), 2),
             },
         }
-        for photo, place, look in zip(views.photo_id.tolist(), where, looks, strict=True)
+        for photo, place, look, yaw_deg in zip(views.photo_id.tolist(), where, looks, yaws_deg, strict=True)
     ]
     (folder / CAMERAS).write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1))
     if origin is not None:
         ElementTree.ElementTree(_kml(features)).write(folder / CAMERAS_KML, encoding="utf-8", xml_declaration=True)
+
+
+def headings_deg(cam_from_world: Float[np.ndarray, "n 3 4"]) -> Float[np.ndarray, " n"]:
+    """Return where cameras look, clockwise from north (+y): the upper edge of the picture where they look steeply down.
+
+    Straight down the viewing direction has no heading but that of the gimbal's noise.
+    """
+    look, upper = cam_from_world[:, 2, :3], -cam_from_world[:, 1, :3]
+    east, north = np.where(look[:, 2:] < -np.sin(np.radians(_STEEP_DEG)), upper, look)[:, :2].T
+    return np.degrees(np.arctan2(east, north))
 
 
 def _kml(features: Sequence[Mapping[str, Any]]) -> ElementTree.Element:

@@ -48,7 +48,7 @@ def export_packed(
     taken = [one for name, scene, trained in scenes for one in sequences(name, scene, trained, size)]
     for part in (TRAIN, TEST):
         (folder / part).mkdir(parents=True)
-        PACKED_FORMATS[form]([one for one in taken if one.part == part], folder / part)
+    PACKED_FORMATS[form](taken, folder)
     index = {one.key: {"context": list(one.context), "target": list(one.target)} for one in taken if one.target}
     (folder / EVALUATION_INDEX).write_text(json.dumps(index, indent=1))
     return {part: sum(one.part == part for one in taken) for part in (TRAIN, TEST)}

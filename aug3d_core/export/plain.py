@@ -16,17 +16,28 @@ from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.poses.recognise import TRANSFORMS
 
-_MILLI = 1000.0  # nerfstudio reads depth as 16 bit whole numbers, and multiplies by depth_unit_scale_factor = 0.001
+_USUAL = 0.001  # nerfstudio multiplies depth, in 16 bit whole numbers, by this, whatever transforms.json says
 _MOST = 65_535
+README = "README.txt"
+_TOLD = """\
+Depth is in whole numbers of {unit} world units, which nerfstudio does not take from transforms.json. Tell it:
+
+ns-train depth-nerfacto nerfstudio-data --data SEQUENCE --depth-unit-scale-factor {unit}
+"""
 
 
 def write_nerfstudio(taken: Sequence[Taken], folder: Path) -> None:
-    """Write the sequences of one part; depth in thousandths of a world unit, or coarser where it would not fit."""
-    for one in taken:
-        own = folder / one.key
+    """Write sequences, each in a folder of its part; depth in thousandths of a world unit, or coarser where it would not fit.
+
+    All have one unit: nerfstudio is told it on its command line, as the file README says.
+    """
+    deepest = [float(np.asarray(one.scene.depth[one.rows], np.float32).max()) for one in taken]
+    unit = max(_USUAL, max(deepest, default=0.0) / _MOST)
+    if any(deepest):
+        (folder / README).write_text(_TOLD.format(unit=unit))
+    for one, deep in zip(taken, deepest, strict=True):
+        own = folder / one.part / one.key
         poses = homogeneous(world_from_gl(invert(one.scene.world_from_cam[one.rows][:, :3])))
-        deepest = float(np.asarray(one.scene.depth[one.rows], np.float32).max())
-        unit = max(_MILLI**-1, deepest / _MOST)
         frames = []
         for name, view, pose in zip(one.write_images(own), one.rows.tolist(), poses, strict=True):
             fl_x, fl_y, cx, cy = one.intrinsics(view).tolist()
@@ -38,23 +49,23 @@ def write_nerfstudio(taken: Sequence[Taken], folder: Path) -> None:
                 "cx": cx,
                 "cy": cy,
             }
-            if deepest > 0:
+            if deep:
                 frame["depth_file_path"] = f"{DEPTH}/{Path(name).name}"
                 (own / DEPTH).mkdir(exist_ok=True)
                 whole = np.rint(one.depth(view) / unit).astype(np.uint16)
                 Image.fromarray(whole).save(own / frame["depth_file_path"])
             frames.append(frame)
         size = {"w": one.fit.width_px, "h": one.fit.height_px}
-        scale = {"depth_unit_scale_factor": unit} if deepest > 0 else {}
+        scale = {"depth_unit_scale_factor": unit} if deep else {}
         told = {"camera_model": "OPENCV", **size, **scale, "frames": frames}
         (own / TRANSFORMS).write_text(json.dumps(told, indent=1))
 
 
 def write_colmap(taken: Sequence[Taken], folder: Path) -> None:
-    """Write the sequences of one part: cameras and poses, without points."""
+    """Write sequences, each in a folder of its part: cameras and poses, without points."""
     none = np.zeros(0, int)
     for one in taken:
-        own, count = folder / one.key, len(one.rows)
+        own, count = folder / one.part / one.key, len(one.rows)
         names = [Path(name).relative_to(IMAGES).as_posix() for name in one.write_images(own)]
         views = Views(
             np.arange(count),

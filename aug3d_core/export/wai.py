@@ -16,9 +16,9 @@ from aug3d_core.export.taken import DEPTH, MASKS, Taken
 
 
 def write_wai(taken: Sequence[Taken], folder: Path) -> None:
-    """Write the sequences of one part."""
+    """Write sequences, each in a folder of its part."""
     for one in taken:
-        _write(one, folder / one.key)
+        _write(one, folder / one.part / one.key)
 
 
 def _write(one: Taken, folder: Path) -> None:

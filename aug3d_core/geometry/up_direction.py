@@ -16,23 +16,22 @@ def up_from_cameras(cam_from_world: Float[np.ndarray, "n 3 4"]) -> Float[np.ndar
     """Guess the up direction from cameras held level or looking down: the mean of their up and backward axes.
 
     Level cameras' up axes and downward cameras' backward axes point up; what is horizontal cancels as headings vary.
-    Good to some tens of degrees.
+    Good to some tens of degrees then; of one heading alone, or of cameras on their side, to no better than 45.
     """
     return _unit(-(cam_from_world[:, 1, :3] + cam_from_world[:, 2, :3]).sum(axis=0))
 
 
 def fit_up(
     points_in_world: Float[np.ndarray, "p 3"],
-    cam_from_world: Float[np.ndarray, "n 3 4"],
+    guess: Float[np.ndarray, " 3"],
     thickness: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, " 3"]:
-    """Return the unit normal of the plane that holds most points within +-`thickness`, on the cameras' side.
+    """Return the unit normal of the plane that holds most points within +-`thickness`, on the guess's side.
 
-    Only planes within 60 degrees of the cameras' guess are tried; without a plane that holds a fifth of the points the
+    Only planes within 60 degrees of the guess, a unit vector, are tried; without a plane that holds a fifth of the points the
     guess itself is returned.
     """
-    guess = up_from_cameras(cam_from_world)
     points = points_in_world
     if len(points) > _MOST_POINTS:
         points = points[rng.choice(len(points), _MOST_POINTS, replace=False)]

@@ -24,7 +24,7 @@ _BRIGHTER = 1.8  # times as bright as those around, or as dark
 _UNEVEN = 2.0  # the same over the whole flight
 _AROUND = 5  # photographs before and after one
 _BURNT = 0.2  # share of a picture without detail
-_FOLDED, _WANTED = 28, 30  # fewer photographs than these: tested in two folds; the scene is small
+_WANTED = 40  # fewer photographs are usually tested in two folds
 _LEAST_OVERLAP, _WANTED_OVERLAP = 0.4, 0.6  # where the study of stability breaks, and what neighbours should have
 _WANTED_SIDEWAYS, _JOINED = 0.35, 0.1  # of photographs of other lines; of those that can be joined at all
 _APART = 6  # so many photographs later it is another line
@@ -94,7 +94,7 @@ def _count(survey: Survey) -> Iterator[Finding]:
     least, count = PhotosConfig().min_photos, len(survey.photos)
     if count < least:
         yield Finding("stop", f"{count} usable photographs; at least {least} are needed.", "Take more.")
-    elif count < _FOLDED:
+    elif count < _WANTED:
         yield Finding(
             "warn",
             f"{count} photographs: a small scene, which is tested in parts, each with a model of its own.",
@@ -207,8 +207,7 @@ def _positions(survey: Survey) -> Iterator[Finding]:
             "Nothing: wild positions are left out when the scene is placed.",
             _named(survey, ground.wild),
         )
-    spread = np.nanmax(ground.enu_m[ground.placed], axis=0) - np.nanmin(ground.enu_m[ground.placed], axis=0)
-    if ground.placed.sum() > 2 and np.linalg.norm(spread) < _ONE_PLACE_M:
+    if ground.placed.sum() > 2 and np.linalg.norm(np.ptp(ground.enu_m[ground.placed], axis=0)) < _ONE_PLACE_M:
         yield Finding(
             "stop",
             f"All photographs were taken within {_ONE_PLACE_M:g} m: a camera that only turns sees no depth.",

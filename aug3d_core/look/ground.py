@@ -93,6 +93,7 @@ def ground_of(photos: Sequence[Glance], steps: Sequence[Step]) -> Ground | None:
     wild = _wild(enu_m, step_m)
     width_m = _width(steps, step_m)
     wild |= _contradicted(steps, step_m, width_m)
+    wild &= not wild[known].all()  # such as two at each of two far places: nothing says which is right
     yaw_deg = _yaws(photos, steps, enu_m)
     height_m, height_from = _heights(photos, width_m)
     if not np.isfinite(width_m):

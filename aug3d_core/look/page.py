@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from shlex import quote
 
 import numpy as np
 from jaxtyping import Bool
@@ -71,7 +72,9 @@ def _facts(survey: Survey) -> str:
     times = [photo.exif.time for photo in survey.photos if photo.exif.time]
     facts = [("photographs", f"{len(survey.photos):,}"), ("size", ", ".join(f"{w} x {h} px" for w, h in sizes[:3]))]
     if times:
-        facts.append(("taken", f"{min(times):%Y-%m-%d %H:%M} to {max(times):%H:%M}"))
+        first, last = min(times), max(times)
+        day = "" if first.date() == last.date() else f"{last:%Y-%m-%d} "
+        facts.append(("taken", f"{first:%Y-%m-%d %H:%M} to {day}{last:%H:%M}"))
     if survey.ground is not None:
         ground = survey.ground
         facts.append(("with a position", f"{np.isfinite(ground.enu_m[:, 0]).sum():,}"))
@@ -114,13 +117,14 @@ def _map(survey: Survey, ground: Ground) -> str:
     order = np.flatnonzero(placed)
     drawn += lines(frame, at[order[:-1]], at[order[1:]], "flown")
     soft, unlike = blurred(survey), exposed_unlike(survey)
+    shown = _shown(soft | unlike | ground.wild)
     radius = max(_LEAST_RADIUS_PX, min(9.0, 200 / max(len(order), 1)))
     for photo in order:
         x, y = frame.place(at[photo])
         kind = "soft" if soft[photo] else "unlike" if unlike[photo] else ""
         circle = f'<circle class="at {kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}">'
         circle += tag("title", escape(_said(survey, ground, photo))) + "</circle>"
-        drawn += f'<a href="#p{photo}">{circle}</a>'
+        drawn += f'<a href="#p{photo}">{circle}</a>' if shown[photo] else circle
     title = f"Map of {placed.sum()} photographs, north up"
     return tag("div", svg(*frame.size, title, drawn + scale_bar(frame, "m")) + _legend(), class_="card map")
 
@@ -181,7 +185,7 @@ def _costs(survey: Survey, costs: Mapping[str, Cost]) -> str:
         )
         for preset, cost in costs.items()
     ]
-    command = f"aug3d run NAME --photos {survey.folder} --dry-run"
+    command = f"aug3d run NAME --photos {quote(str(survey.folder))} --dry-run"
     return table(("preset", "time", "memory", "disk"), rows, (1, 2, 3)) + tag(
         "p", f"Stage by stage: {tag('code', escape(command))}", class_="dim"
     )

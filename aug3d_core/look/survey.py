@@ -24,7 +24,7 @@ class Survey:
     """photos: those that can be used, in the order of capture. steps: from each to the next.
 
     unusable: why others cannot be used, by name. same: names of later photographs with the same bytes as an earlier one.
-    masked: photographs that have a mask. stray_masks: masks beside no photograph. ignored: files that are neither.
+    masked: photographs that have a mask. stray_masks: masks beside no photograph.
     ground: None without positions. control: None without a list of control points.
     """
 
@@ -35,7 +35,6 @@ class Survey:
     same: Mapping[str, str]
     masked: Sequence[str]
     stray_masks: Sequence[str]
-    ignored: int
     ground: Ground | None
     control: Listed | None
 
@@ -61,4 +60,4 @@ def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey
     masked = [photo.name for photo in photos if photo.name in found.masks]
     ground = ground_of(photos, steps)
     control = listed_points(folder / found.control, photos) if found.control and photos else None
-    return Survey(folder, photos, steps, unusable, same, masked, found.stray_masks, found.ignored, ground, control)
+    return Survey(folder, photos, steps, unusable, same, masked, found.stray_masks, ground, control)

@@ -1,4 +1,4 @@
-"""The true overlaps of pairs of views, once measured; `overlap.py` says what they are, and measures them."""
+"""The true overlaps of pairs of views, once measured; `true_overlap.py` says what they are, and measures them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The overlap stage: how much of the same surface the members of groups really see, for every way of grouping.
 
-Here by rays on the reconstructed mesh, the one made without the test's targets; `testbed/overlap_stage.py` does the same
-on the true town.
+Here by rays on the reconstructed mesh, the one made without the test's targets; `aug3d_core/town/truth/overlap_stage.py` does
+the same on the true town.
 """
 
 from __future__ import annotations

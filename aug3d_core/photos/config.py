@@ -23,7 +23,7 @@ class PhotosConfig(StageConfig):
         description="A photograph is left out if the picture moves less than this from the one before it (share of its "
         "width), as in a video; 0: none is.",
     )
-    min_photos: int = Field(default=3, ge=3, le=1000, description="Fewest usable photographs to go on with.")
+    min_photos: int = Field(default=4, ge=3, le=1000, description="Fewest usable photographs to go on with.")
 
 
 PRESETS: dict[str, PhotosConfig] = {

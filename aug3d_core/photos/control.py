@@ -28,6 +28,7 @@ _UTM = re.compile(r"WGS ?84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)
 _FORM = "Each line is: x y height pixel_x pixel_y photograph [point], separated by spaces or tabs."
 _FARTHEST_M = 20_000.0  # from the photographs' GPS, or the other points, without a mistake
 _SAME_M = 0.001
+_NAMED = 3  # photographs, where many have the same name
 _WGS84 = CRS.from_epsg(4326)
 
 
@@ -46,14 +47,12 @@ def read_control(file: Path, photos: pd.DataFrame) -> tuple[pd.DataFrame, tuple[
     """Return a row for each mark in a photograph of the table, and notes on what is not used.
 
     Columns: `point`, `check` (it only judges), `lat_deg`, `lon_deg`, `alt_m`, `photo_id`, `x_px`, `y_px` (of the working copy)
-    and `line`. Heights are taken as they stand: on the datum of the file. Raises InputError, with file and line, for what
+    and `line`. Heights stay on the datum of the file, and become metres. Raises InputError, with file and line, for what
     cannot be read, cannot be right, or has no mark in any of the photographs.
     """
     crs, marks = _parsed(file)
     _check_names(file, marks)
-    rows = {name: row for row, name in enumerate(photos["name"])}
-    for row, name in enumerate(photos["name"]):
-        rows.setdefault(PurePosixPath(name).name, row)
+    rows = _rows(file, marks, photos["name"].tolist())
     used = [mark for mark in marks if mark.photo in rows and not math.isnan(mark.xyz[2])]
     if not any(mark.photo in rows for mark in marks):
         raise InputError(
@@ -84,7 +83,21 @@ def read_control(file: Path, photos: pd.DataFrame) -> tuple[pd.DataFrame, tuple[
             "line": [mark.line for mark in used],
         }
     )
-    return table, _notes(file, marks, rows)
+    return table, _notes(file, crs, marks, rows)
+
+
+def _rows(file: Path, marks: Sequence[Mark], names: Sequence[str]) -> dict[str, int]:
+    """Return the row of each photograph by its name, and by that without folders; refuse marks of which several have that."""
+    rows = {name: row for row, name in enumerate(names)}
+    without_folder: dict[str, list[str]] = {}
+    for name in names:
+        without_folder.setdefault(PurePosixPath(name).name, []).append(name)
+    for mark in marks:
+        several = without_folder.get(mark.photo, [])
+        if len(several) > 1 and mark.photo not in rows:
+            problem = f"{mark.photo} is the name of several photographs: {', '.join(several[:_NAMED])}"
+            _refuse(file, mark.line, problem, f"Write its folder too, such as {several[0]}.")
+    return {name: rows[several[0]] for name, several in without_folder.items()} | rows
 
 
 def _parsed(file: Path) -> tuple[CRS, list[Mark]]:
@@ -147,7 +160,7 @@ def _check_names(file: Path, marks: Sequence[Mark]) -> None:
 
 
 def _geodetic(file: Path, crs: CRS, marks: Sequence[Mark], photos: pd.DataFrame) -> Float[np.ndarray, "m 3"]:
-    """Return latitude, longitude and height of marks; raises InputError where they cannot be right."""
+    """Return latitude, longitude and height [m] of marks; raises InputError where they cannot be right."""
     xyz = np.array([mark.xyz for mark in marks]).reshape(-1, 3)
     places = _on_earth(crs, xyz)
     gps = photos[["lat_deg", "lon_deg"]].dropna().to_numpy(float)
@@ -162,7 +175,19 @@ def _geodetic(file: Path, crs: CRS, marks: Sequence[Mark], photos: pd.DataFrame)
                 f"the point lies {where} {'the GPS of the photographs' if len(gps) else 'the other points'}",
                 _instead(crs, np.array([mark.xyz]), middle) if len(gps) else "",
             )
+    places[:, 2] *= _height_unit(crs)[1]
     return places
+
+
+def _height_unit(crs: CRS) -> tuple[str, float]:
+    """Return the unit of heights, and how many metres it has: of the third axis, where there is none of the other two."""
+    told = crs.to_dict(projjson=True)
+    while "coordinate_system" not in told:
+        told = told["source_crs"] if "source_crs" in told else told["components"][-1]
+    unit = told["coordinate_system"]["axis"][-1]["unit"]
+    if isinstance(unit, dict) and unit["type"] == "LinearUnit":
+        return unit["name"], unit["conversion_factor"]
+    return "metre", 1.0  # so are heights over degrees
 
 
 def _instead(crs: CRS, xyz: Float[np.ndarray, "1 3"], middle: Float[np.ndarray, " 2"]) -> str:
@@ -200,13 +225,18 @@ def _distances_m(places: Float[np.ndarray, "m 3"], middle: Float[np.ndarray, " 2
     return np.linalg.norm(enu_from_geodetic(level, np.append(middle, 0.0)), axis=1)
 
 
-def _notes(file: Path, marks: Sequence[Mark], rows: dict[str, int]) -> tuple[str, ...]:
+def _notes(file: Path, crs: CRS, marks: Sequence[Mark], rows: dict[str, int]) -> tuple[str, ...]:
     notes = []
     if elsewhere := sorted({mark.photo for mark in marks if mark.photo not in rows}):
         others = f" and {len(elsewhere) - 1} more" if len(elsewhere) > 1 else ""
         notes.append(f"{file.name} marks points in photographs that are not used: {elsewhere[0]}{others}")
     if without := len({mark.point for mark in marks if math.isnan(mark.xyz[2])}):
         notes.append(f"{without} points of {file.name} have no height and are not used")
+    unit, metres = _height_unit(crs)
+    if metres != 1:
+        notes.append(
+            f"heights of {file.name} are in {unit}, as its projection says, and become metres (x {metres:.7g})"
+        )
     return tuple(notes)
 
 

@@ -93,14 +93,20 @@ def _focal_35mm(detail: Any, size: tuple[int, int]) -> float:
 
 def _position(gps: Any) -> tuple[float, float, float]:
     """Latitude and longitude in degrees, altitude in metres; all NaN without a position, altitude alone may be NaN."""
-    lat_deg = _degrees(gps.get(ExifTags.GPS.GPSLatitude), gps.get(ExifTags.GPS.GPSLatitudeRef) in ("S", "s"))
-    lon_deg = _degrees(gps.get(ExifTags.GPS.GPSLongitude), gps.get(ExifTags.GPS.GPSLongitudeRef) in ("W", "w"))
+    lat_deg = _degrees(gps.get(ExifTags.GPS.GPSLatitude), _begins(gps.get(ExifTags.GPS.GPSLatitudeRef), "S"))
+    lon_deg = _degrees(gps.get(ExifTags.GPS.GPSLongitude), _begins(gps.get(ExifTags.GPS.GPSLongitudeRef), "W"))
     # Cameras without a fix write exactly (0, 0).
     if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180) or lat_deg == lon_deg == 0:
         return math.nan, math.nan, math.nan
     below_sea = gps.get(ExifTags.GPS.GPSAltitudeRef) in (1, b"\x01")
     alt_m = _number(gps.get(ExifTags.GPS.GPSAltitude))
     return lat_deg, lon_deg, -alt_m if below_sea else alt_m
+
+
+def _begins(reference: Any, letter: str) -> bool:
+    """Tell whether a hemisphere is this one; cameras pad the letter, spell it out ("South") or store it as bytes."""
+    text = reference.decode("ascii", "ignore") if isinstance(reference, bytes) else reference
+    return _text(text).upper().startswith(letter)
 
 
 def _degrees(parts: Any, negative: bool) -> float:

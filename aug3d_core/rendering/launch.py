@@ -21,7 +21,6 @@ class Spent:
     """The cost of a job, over all its workers."""
 
     views: int = 0
-    workers: int = 0  # processes started
     worker_s: float = 0.0  # sum of their wall times
     cycles_s: float = 0.0  # of which in Cycles' tracing
     growth_mib: float = 0.0  # largest growth of a worker after its first view
@@ -105,5 +104,4 @@ class _Tally:
     def ended(self, seconds: float) -> None:
         """Count a worker that ended without an error."""
         with self._lock:
-            self.spent.workers += 1
             self.spent.worker_s += seconds

@@ -11,4 +11,5 @@ top_view        the scene from above: the extent of the maps, and the ground bel
 ground_coverage how many photographs see each piece of the ground
 story           all studies of one store as a page
 thumbnails      small copies of pictures
+report_style    the style sheets; report_script: the script of the scene report
 """

@@ -69,7 +69,8 @@ td code{overflow-wrap:anywhere}
 h1{font-size:1.6rem}.big{font-size:2.4rem}th,td{padding:6px 9px}}
 @media print{@page{margin:12mm}html{font-size:11px}body{background:#fff;font-size:11px}main{max-width:none;padding:0}
 h2{margin-top:24px}.card{padding:10px 12px}th,td{padding:3px 6px}.txt{white-space:normal}.scroll{overflow:visible}
-figure,tr,li{break-inside:avoid}h2,h3{break-after:avoid}thead{display:table-header-group}}
+figure,tr,li{break-inside:avoid}h2,h3{break-after:avoid}thead{display:table-header-group}
+*{print-color-adjust:exact}}
 .legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:.88rem;margin:10px 0 0}
 .scale{stroke:var(--ink);stroke-width:2.5;fill:none}
 svg .scale-text{font-size:26px}.scale-back{fill:var(--card);opacity:.85}
@@ -161,6 +162,5 @@ section>.card:not(.pictures,.answer),.curves>*,.slider{break-inside:avoid}
 .tall .scroll{max-height:none}.tall thead th{position:static}
 .slider{display:grid;grid-template-columns:1fr 1fr;gap:6px}.slider img+img{position:static;clip-path:none;order:-1}
 .slider .right{right:auto;left:calc(50% + 9px)}section .pictures{columns:2 200px}
-.curves,.halves,.hero{grid-template-columns:1fr 1fr}.map svg{max-height:none}
-*{print-color-adjust:exact}}
+.curves,.halves,.hero{grid-template-columns:1fr 1fr}.map svg{max-height:none}}
 """

@@ -57,7 +57,9 @@ def take_memory(image: Image.Image, budget: MemoryBudget, held: ExitStack) -> No
 
 
 def rgb_of(image: Image.Image) -> Image.Image:
-    """Decode a picture for which memory was taken, to 8-bit RGB."""
+    """Decode a picture for which memory was taken, to 8-bit RGB; raises PictureError where its numbers have no known range."""
+    if image.mode == "F":
+        raise PictureError("floating-point pixels: convert it to 8 or 16 bits a channel")
     if image.mode.startswith("I;16") or image.mode == "I":
         grey = np.empty((image.height, image.width), np.uint8)
         for top in range(0, image.height, _STRIP_ROWS):

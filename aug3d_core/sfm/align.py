@@ -7,6 +7,7 @@ metres stay sensible. In all, z = 0 is the ground. Plain numpy.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from jaxtyping import Float
 
 from aug3d_core.geometry.similarity import Similarity, fit_similarity_robustly
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.geometry.up_direction import fit_up, ground_height, rotation_to_z
+from aug3d_core.geometry.up_direction import fit_up, ground_height, rotation_to_z, up_from_cameras
 
 NOMINAL_HEIGHT = 50.0
 _GROUND_THICKNESS = 0.02  # of the median distance from cameras to points
@@ -24,6 +25,7 @@ _FEWEST_ALTITUDES = 3  # that fix a similarity; how well is in their noise
 _MOST_DISAGREEMENT = 0.25  # median GPS residual over the spread of the positions
 _LEAST_MIRRORED = 0.02  # the same ratio at which latitude and longitude may be swapped
 _MIRRORED_BETTER = 2.0  # times that the swapped positions fit better
+_BETTER = 0.7  # times the residual at which GPS tells the ground from a wall that holds more points
 _MOST_LEAN_DEG = 3.0  # between the verticals of GPS altitudes and ground at which the cameras' horizons decide
 
 
@@ -56,12 +58,16 @@ def align(
 
     swapped_enu_m: the positions with latitude and longitude exchanged, tried only to explain positions that do not fit.
     """
-    up = fit_up(points_in_model, cam_from_model, _GROUND_THICKNESS * median_depth, rng)
-    level = Similarity(1.0, rotation_to_z(up), np.zeros(3))
+
+    def level_near(guess: Float[np.ndarray, " 3"], rng: np.random.Generator) -> Similarity:
+        up = fit_up(points_in_model, guess, _GROUND_THICKNESS * median_depth, rng)
+        return Similarity(1.0, rotation_to_z(up), np.zeros(3))
+
+    level = level_near(up_from_cameras(cam_from_model), rng)
     located = np.isfinite(gps_enu_m[:, 0])
     problem = ""
     if located.sum() >= 3:
-        fit, up_from = _fit_gps(cam_from_model[located], gps_enu_m[located], level, rng)
+        fit, up_from = _fit_gps(cam_from_model[located], gps_enu_m[located], level, level_near, rng)
         residual_m = np.linalg.norm((fit.apply(centres(cam_from_model)) - gps_enu_m)[:, :2], axis=1)
         spread_m = float(np.sqrt(gps_enu_m[located, :2].var(axis=0).sum()))
         disagreement = np.nanmedian(residual_m) / spread_m if spread_m > 0 else np.inf
@@ -107,9 +113,14 @@ def _fit_gps(
     cam_from_model: Float[np.ndarray, "n 3 4"],
     gps_enu_m: Float[np.ndarray, "n 3"],
     level: Similarity,
+    level_near: Callable[[Float[np.ndarray, " 3"], np.random.Generator], Similarity],
     rng: np.random.Generator,
 ) -> tuple[Similarity, str]:
-    """Fit all three axes where that fixes the vertical well, else the horizontal ones, the vertical left to gravity."""
+    """Fit all three axes where that fixes the vertical well, else the horizontal ones, the vertical left to gravity.
+
+    level: by the plane that most points are in, which is a wall's where cameras of one heading look at it: then the plane near
+    the vertical of rough altitudes is tried too.
+    """
     centres_in_model = centres(cam_from_model)
     measured = np.isfinite(gps_enu_m[:, 2])
     if measured.sum() >= _FEWEST_ALTITUDES:
@@ -120,12 +131,33 @@ def _fit_gps(
         tilt_deg = np.degrees(np.arctan2(max(up_noise_m, _ALTITUDE_NOISE_M), across_m))
         if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0 and not _leans(cam_from_model, fit, level):
             return fit, "gps"
+        by_ground = _fit_level(centres_in_model, gps_enu_m, level, rng)
+        if up_from_cameras(cam_from_model) @ fit.rotation[2] <= 0:  # mirrored positions turn the world upside down
+            return by_ground, "gravity"
+        apart = rng.spawn(1)[0]  # whatever is tried, what follows is drawn alike
+        other = _fit_level(centres_in_model, gps_enu_m, level_near(fit.rotation[2], apart), apart)
+        off_m, other_off_m = (
+            float(np.median(np.linalg.norm(one.apply(centres_in_model[measured]) - there_m, axis=1)))
+            for one in (by_ground, other)
+        )
+        return (other if other_off_m < _BETTER * off_m else by_ground), "gravity"
+    return _fit_level(centres_in_model, gps_enu_m, level, rng), "gravity"
+
+
+def _fit_level(
+    centres_in_model: Float[np.ndarray, "n 3"],
+    gps_enu_m: Float[np.ndarray, "n 3"],
+    level: Similarity,
+    rng: np.random.Generator,
+) -> Similarity:
+    """Fit the horizontal axes of a level model, and its height where any altitude is known."""
+    measured = np.isfinite(gps_enu_m[:, 2])
     flat, _ = fit_similarity_robustly(level.apply(centres_in_model)[:, :2], gps_enu_m[:, :2], rng)
     rotation = np.eye(3)
     rotation[:2, :2] = flat.rotation
     up_m = gps_enu_m[:, 2] - flat.scale * level.apply(centres_in_model)[:, 2]
     shift_m = np.append(flat.translation, np.median(up_m[measured]) if measured.any() else 0.0)
-    return Similarity(flat.scale, rotation, shift_m).after(level), "gravity"
+    return Similarity(flat.scale, rotation, shift_m).after(level)
 
 
 def _leans(cam_from_model: Float[np.ndarray, "n 3 4"], fit: Similarity, level: Similarity) -> bool:

@@ -26,7 +26,7 @@ _WORTH = 0.8  # of the error of the world moved as a whole: what that of the adj
 @dataclass(frozen=True)
 class Adjusted:
     """What became of an adjustment. moved_m, adjusted_m: RMS error of control points that had no part, in the world moved as a
-    whole and in the adjusted one; None where too few points tell.
+    whole and in the adjusted one; None where too few points tell, or adjusted models have no place for one.
     """
 
     survey: Survey
@@ -48,9 +48,12 @@ def adjust_to_control(model: pycolmap.Reconstruction, marks: pd.DataFrame, told:
     right = marks.loc[~marks["line"].isin(told.wrong_lines)]
     bent = _left_out(thinned(model, _POINTS_A_VIEW), right, control, doubted, told)
     judged = control + _explained(bent.loc[doubted], table.loc[doubted, "pixel_m"])
-    moved_m, bent_m = (float(np.sqrt(np.square(off.loc[judged]).sum(axis=1).mean())) for off in (moved, bent))
+    # In numpy, since pandas leaves NaN out: a point whose rays no longer meet would count as exact.
+    moved_m, bent_m = (
+        float(np.sqrt(np.square(off.loc[judged].to_numpy()).sum(axis=1).mean())) for off in (moved, bent)
+    )
     if not bent_m < _WORTH * moved_m:
-        return Adjusted(told, False, moved_m, bent_m)
+        return Adjusted(told, False, moved_m, bent_m if np.isfinite(bent_m) else None)
     _bend(model, right, judged, told)
     without_wrong_points(model)
     table.loc[judged, "role"] = "control"

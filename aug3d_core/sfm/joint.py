@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Int
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from aug3d_core.geometry.views import Tracks
 
@@ -36,9 +37,28 @@ def weakest_joint(tracks: Tracks, photos: int) -> Joint | None:
     edges = shared.row[apart], shared.col[apart]
     tree = minimum_spanning_tree(sparse.csr_array((1 / shared.data[apart], edges), shape=shared.shape))
     typical = float(np.median(sees.sum(axis=1)))
-    found = [_cut(sees, tree, edge, typical) for edge in range(tree.nnz)]
-    large = [joint for joint in found if joint.photos >= max(_FEWEST, _SMALLEST_PART * photos)]
-    return min(large, key=lambda joint: joint.points, default=None)
+    # Most edges of a tree cut off a photograph or two: what they join is not counted.
+    large = np.flatnonzero(_smaller_parts(tree) >= max(_FEWEST, _SMALLEST_PART * photos)).tolist()
+    return min((_cut(sees, tree, edge, typical) for edge in large), key=lambda joint: joint.points, default=None)
+
+
+def _smaller_parts(tree: sparse.csr_array) -> Int[np.ndarray, " e"]:
+    """Return for each edge of a tree, or of several, how many are on the smaller side of it: beyond its row, or all others."""
+    _, part = connected_components(tree, directed=False)
+    edges, count = tree.tocoo(), len(part)
+    _, first, size = np.unique(part, return_index=True, return_counts=True)
+    rows, columns = (
+        np.append(edges.row, np.full(len(first), count)),
+        np.append(edges.col, first),
+    )  # all hang on one root
+    rooted = sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=(count + 1, count + 1))
+    order, above = breadth_first_order(rooted, count, directed=False)
+    hanging = np.ones(count + 1, np.int64)
+    for one in order[:0:-1]:
+        hanging[above[one]] += hanging[one]
+    away = above[edges.row] == edges.col
+    beyond_row = np.where(away, hanging[edges.row], size[part[edges.row]] - hanging[edges.col])
+    return np.minimum(beyond_row, count - beyond_row)
 
 
 def _cut(sees: sparse.csr_array, tree: sparse.csr_array, edge: int, typical: float) -> Joint:

@@ -6,7 +6,7 @@ differed by a point and by up to 13 mm. One thread repeats to the bit and took n
 
 Incremental mapping is the most careful, and for the town of 60 photographs also the fastest (22 s of processor time against
 37 s of global mapping, with equal errors); its time grows faster than the number of photographs, and at 120 (`ochota`) global
-mapping took 288 s against 320 s. Global mapping leans on focal lengths being known; where they are not, hierarchical mapping
+mapping took 288 s against 320 s. Global mapping leans on focal lengths being known; where many are not, hierarchical mapping
 keeps the careful method and cuts the scene into parts.
 """
 
@@ -33,6 +33,7 @@ SMALLEST_MODEL = 3
 THREADS = 1
 
 _MANY = 250  # photographs
+_KNOWN_SHARE = 0.95  # of photographs with a focal length: a few without do not decide how all are mapped
 _PART = 100  # photographs in a part of hierarchical mapping
 _SHARED = 25  # photographs that two parts have in common
 # Points in common that hold two photographs, or two parts, together: what COLMAP itself asks of a pair, and of a photograph
@@ -62,7 +63,7 @@ def reconstruct(
 
     folder: where a killed incremental mapping left its segments, and finds them.
     """
-    mapper, reason = choose_mapper(config.mapper, len(photos), bool(photos["focal_px"].notna().all()))
+    mapper, reason = choose_mapper(config.mapper, len(photos), float(np.mean(photos["focal_px"].notna())))
     if start is not None:
         mapper, reason = "incremental", "the scene grows from an earlier output"
     if mapper == "incremental":
@@ -116,15 +117,16 @@ def _only(model: pycolmap.Reconstruction, frames: set[int]) -> pycolmap.Reconstr
     return part
 
 
-def choose_mapper(asked: str, photos: int, focal_known: bool) -> tuple[str, str]:
-    """Return incremental, global or hierarchical, and the reason."""
+def choose_mapper(asked: str, photos: int, focal_known: float) -> tuple[str, str]:
+    """Return incremental, global or hierarchical, and the reason. focal_known: share of photographs with a focal length."""
     if asked != "auto":
         return asked, "asked for"
     if photos <= _MANY:
         return "incremental", f"{photos} photographs: at most {_MANY} are mapped one by one"
-    if focal_known:
-        return "global", f"{photos} photographs of known focal length: too many to map one by one"
-    return "hierarchical", f"{photos} photographs, too many to map one by one, and not all of known focal length"
+    many = f"{photos} photographs, too many to map one by one"
+    if focal_known >= _KNOWN_SHARE:
+        return "global", f"{many}, and {focal_known:.0%} of known focal length"
+    return "hierarchical", f"{many}, and only {focal_known:.0%} of known focal length"
 
 
 def _one_by_one(

@@ -59,14 +59,10 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Split:
-    """The role of each view, the number of folds this is one of, and how far the gap had to be narrowed.
-
-    narrowed: 0 where the gap is as wide as asked, 1 where there is none.
-    """
+    """The role of each view, and the number of folds this is one of."""
 
     role: np.ndarray  # (n,) of str
     folds: int
-    narrowed: float
 
     def without(self, spare: Int[np.ndarray, " s"]) -> Split:
         """Return the split with these views spare."""
@@ -89,7 +85,7 @@ def split_views(
     """Split the views; `footprint` in world units, `visible` is views x points.
 
     If fewer than about a third (and at least 2) of the views are left for training, the gap is narrowed, in ground and in
-    shared points alike, until they are; `Split.narrowed` says how far. Of the ways to hold ground out, the first is taken
+    shared points alike, until they are. Of the ways to hold ground out, the first is taken
     that tests enough photographs behind a gap that is not narrowed too far; if there is none, the one with the widest gap.
     Raises InputError where there are too few views, or no such fold.
     """
@@ -122,7 +118,7 @@ def split_views(
     role = np.where(own.train, Role.TRAIN, Role.GAP).astype("<U7")
     role[own.block] = Role.SUPPORT
     role[own.targets] = Role.TARGET
-    return Split(role, len(cuts), own.narrowed)
+    return Split(role, len(cuts))
 
 
 @dataclass(frozen=True)

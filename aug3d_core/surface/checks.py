@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -79,14 +80,13 @@ def compare(photo: Path, render: Image.Image, longest_px: int, mask: Path | None
 
 
 def render_views(
-    mesh: AnyMesh, views: Views, chosen: list[int], exposures: Float[np.ndarray, "n 3"]
-) -> list[Image.Image]:
-    """Render the mesh at the poses and sizes of views, as bright as each of them was exposed."""
+    mesh: AnyMesh, views: Views, chosen: Iterable[int], exposures: Float[np.ndarray, "n 3"]
+) -> Iterator[Image.Image]:
+    """Render the mesh at the poses and sizes of views, as bright as each of them was exposed, one when it is asked for."""
     caster = Raycaster(mesh.xyz, mesh.triangles)
-    return [
-        rgba(_exposed(caster.render(mesh, views.cam_from_world[v], views.intrinsics[v], views.size[v]), exposures[v]))
-        for v in chosen
-    ]
+    for v in chosen:
+        render = caster.render(mesh, views.cam_from_world[v], views.intrinsics[v], views.size[v])
+        yield rgba(_exposed(render, exposures[v]))
 
 
 def _exposed(render: Render, gain: Float[np.ndarray, " 3"]) -> Render:
@@ -95,7 +95,7 @@ def _exposed(render: Render, gain: Float[np.ndarray, " 3"]) -> Render:
 
 
 def compare_views(
-    images: Path, masks: Path, views: Views, chosen: list[int], renders: list[Image.Image], px: int
+    images: Path, masks: Path, views: Views, chosen: list[int], renders: Iterable[Image.Image], px: int
 ) -> list[Comparison]:
     """Compare renders with what is used of the photos of the same views."""
     return [

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 ROUNDS = 15
 PULL = 1e-4  # of a photo's mean weight: enough to settle what no overlap does, too little to bias what one does
@@ -48,12 +49,13 @@ def _channel_gains(point: np.ndarray, photo: np.ndarray, level: np.ndarray, phot
 
 
 def _solve(point: np.ndarray, photo: np.ndarray, value: np.ndarray, weight: np.ndarray, photos: int) -> np.ndarray:
-    """Solve the normal equations of one round for the photos' log gains."""
+    """Solve the normal equations of one round for the photos' log gains: sparse, for a photo overlaps with few others."""
     shape = (int(point.max()) + 1, photos)
     per_place = sparse.csr_matrix((weight, (point, photo)), shape)
     total = np.bincount(point, weight)
     per_photo = np.bincount(photo, weight, photos)
-    normal = np.diag(per_photo) - (per_place.T @ sparse.diags(1 / total) @ per_place).toarray()
+    pull = PULL * per_photo.mean()
+    normal = sparse.diags(per_photo + pull) - per_place.T @ sparse.diags(1 / total) @ per_place
     mean = (np.bincount(point, weight * value) / total)[point]
     right = np.bincount(photo, weight * (mean - value), photos)
-    return np.linalg.solve(normal + PULL * per_photo.mean() * np.eye(photos), right)
+    return np.asarray(spsolve(normal.tocsc(), right, permc_spec="MMD_AT_PLUS_A"))

@@ -96,12 +96,11 @@ def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) ->
     (out / MESH_SOURCES).write_text(json.dumps(sources))
     known = evenly_spread(given, config.check_views)
     with clock.step("checks"):
-        renders = checks.render_views(baseline.best, views, [*targets, *known], exposures(views, given, baseline.gains))
-        _save_renders(out / BASELINE_RENDERS, renders[: len(targets)], views, targets)
         reasons = _reasons(baseline, config)
         figures = _figures(train_mesh, baseline) | {"needs": "; ".join(reasons.values())}
-        figures |= _compare(scene, targets, known, renders)
-        pictures = _draw(out, scene, targets, known, renders, train_mesh, baseline)
+        compared, shown = _compare(scene, targets, known, baseline, exposures(views, given, baseline.gains), out)
+        figures |= compared
+        pictures = _draw(out, scene, targets, known, shown, train_mesh, baseline)
     figures |= {f"{name.replace(' ', '_')}_seconds": round(spent, 1) for name, spent in clock.seconds.items()}
     shutil.rmtree(out / PIECES)
     progress(1, 1, "done")
@@ -155,12 +154,6 @@ def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> No
         built.textured.save(out / textured, out / texture)
 
 
-def _save_renders(folder: Path, renders: list[Image.Image], views: Views, targets: np.ndarray) -> None:
-    folder.mkdir(exist_ok=True)
-    for view, render in zip(targets, renders, strict=True):
-        render.save(folder / image_name(views.photo_id[view]))
-
-
 def _figures(train: Built, baseline: Built) -> dict[str, Metric]:
     """Return the sizes of the meshes; lengths in GSD, so that they mean the same in every unit."""
     figures: dict[str, Metric] = {}
@@ -199,18 +192,43 @@ def _reasons(built: Built, config: SurfaceConfig) -> dict[str, str]:
     }
 
 
-def _compare(scene: _Scene, targets: np.ndarray, known: np.ndarray, renders: list[Image.Image]) -> dict[str, Metric]:
-    """Return PSNR and coverage at photos that coloured the mesh, and at the targets, which did not."""
-    figures: dict[str, Metric] = {}
-    for prefix, chosen, shown in (("", known, renders[len(targets) :]), ("target_", targets, renders[: len(targets)])):
-        for suffix, px in (("", scene.config.check_px), ("_full", FULL_PX)):
-            compared = checks.compare_views(scene.images, scene.masks, scene.views, list(chosen), shown, px)
-            figures |= {
-                f"{prefix}render_psnr{suffix}": checks.mean_finite([c.psnr for c in compared]),
-                f"{prefix}covered_share{suffix}": checks.mean_finite([c.covered_share for c in compared]),
-                f"{prefix}flat_psnr{suffix}": checks.mean_finite([c.flat_psnr for c in compared]),
-            }
-    return figures
+def _compare(
+    scene: _Scene,
+    targets: np.ndarray,
+    known: np.ndarray,
+    baseline: Built,
+    exposures: Float[np.ndarray, "n 3"],
+    out: Path,
+) -> tuple[dict[str, Metric], dict[int, Image.Image]]:
+    """Save the renders of the targets; return PSNR and coverage, and the renders that pictures show, by view.
+
+    The first are at photos that coloured the mesh, and at the targets, which did not. No other render stays in memory.
+    """
+    (out / BASELINE_RENDERS).mkdir(exist_ok=True)
+    pictured = {*_pictured(targets).tolist(), *_pictured(known).tolist()}
+    found, shown = dict[tuple[int, str], tuple[float, float, float]](), dict[int, Image.Image]()
+    views, sizes = [*targets.tolist(), *known.tolist()], {"": scene.config.check_px, "_full": FULL_PX}
+    renders = checks.render_views(baseline.best, scene.views, views, exposures)
+    for place, (view, render) in enumerate(zip(views, renders, strict=True)):
+        if place < len(targets):
+            render.save(out / BASELINE_RENDERS / image_name(scene.views.photo_id[view]))
+        for suffix, px in sizes.items():
+            (one,) = checks.compare_views(scene.images, scene.masks, scene.views, [view], [render], px)
+            found[view, suffix] = one.psnr, one.covered_share, one.flat_psnr
+        if view in pictured:
+            shown[view] = render
+    figures: dict[str, Metric] = {
+        f"{prefix}{name}{suffix}": checks.mean_finite([found[view, suffix][number] for view in chosen])
+        for prefix, chosen in (("", known.tolist()), ("target_", targets.tolist()))
+        for suffix in sizes
+        for number, name in enumerate(("render_psnr", "covered_share", "flat_psnr"))
+    }
+    return figures, shown
+
+
+def _pictured(chosen: np.ndarray) -> np.ndarray:
+    """Return the views that a picture shows."""
+    return chosen[evenly_spread(np.arange(len(chosen)), PICTURE_ROWS)]
 
 
 def _draw(
@@ -218,7 +236,7 @@ def _draw(
     scene: _Scene,
     targets: np.ndarray,
     known: np.ndarray,
-    renders: list[Image.Image],
+    renders: dict[int, Image.Image],
     train: Built,
     baseline: Built,
 ) -> dict[str, str]:
@@ -226,20 +244,14 @@ def _draw(
     pictures = {"The mesh made of train photos, from above: colours and shape": "top_view.png"}
     checks.top_view(train.best).save(out / "top_view.png")
     sheets = (
-        ("Held-out photos, the mesh made without them, its shape", "photo_and_mesh.png", targets, renders),
-        (
-            "Photos that coloured the mesh, the mesh, its shape",
-            "used_photo_and_mesh.png",
-            known,
-            renders[len(targets) :],
-        ),
+        ("Held-out photos, the mesh made without them, its shape", "photo_and_mesh.png", targets),
+        ("Photos that coloured the mesh, the mesh, its shape", "used_photo_and_mesh.png", known),
     )
-    for caption, name, chosen, shown in sheets:
+    for caption, name, chosen in sheets:
         if len(chosen):
-            rows = evenly_spread(np.arange(len(chosen)), PICTURE_ROWS)
-            sheet = checks.side_by_side(
-                scene.images, baseline.best, scene.views, list(chosen[rows]), [shown[r] for r in rows], PICTURE_PX
-            )
+            rows: list[int] = _pictured(chosen).tolist()
+            shown = [renders[view] for view in rows]
+            sheet = checks.side_by_side(scene.images, baseline.best, scene.views, rows, shown, PICTURE_PX)
             sheet.save(out / name)
             pictures[caption] = name
     return pictures

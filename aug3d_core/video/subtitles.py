@@ -1,7 +1,11 @@
 """Where a drone was while it filmed, as the subtitles beside its film tell (SRT files of DJI's drones).
 
 Two forms are known: `[latitude: 46.9] [longitude: 7.5] [rel_alt: 51.2 abs_alt: 590.1]` (also `[longtitude`, as early firmware
-spells it, and `[altitude: 590.1]`), and `GPS(7.5, 46.9, 590.1)` with the longitude first. Zeros are no fix.
+spells it, and `[altitude: 590.1]`), and `GPS(7.5, 46.9, 590.1)`. Zeros are no fix.
+
+Drones fill the second form in several ways: `GPS(131.1660,-25.2088,14)`, longitude first and then the number of satellites
+(Mavic Pro, Phantom 4); `GPS(36.6146,-6.1120,0.0M)`, latitude first and no altitude (M300); `GPS(39.906217,116.391305,69.800)`,
+latitude first (Avata 2). Where neither a unit nor a number beyond 90 tells, the longitude is taken as the first.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _TIMES = re.compile(r"^(\d+):(\d\d):(\d\d)[,.](\d{1,3}) --> (\d+):(\d\d):(\d\d)[,.](\d{1,3})\s*$")
 _LAT, _LON = re.compile(rf"\blatitude\s*:\s*{_NUMBER}"), re.compile(rf"\blongt?itude\s*:\s*{_NUMBER}")
 _ALT = re.compile(rf"\b(?:abs_alt|altitude)\s*:\s*{_NUMBER}")
-_GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}[^)]*\)")
+_GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}\s*(M?)[^)]*\)")
 _OFF_S, _OFF_SHARE = 3.0, 0.02  # of a film's length, by which the end of its subtitles may differ
 
 
@@ -85,10 +89,17 @@ def read_track(file: Path, film_seconds: float) -> Track:
 def _place(written: str) -> tuple[float, float, float] | None:
     """Return latitude, longitude and altitude of a line, None if it tells none."""
     if gps := _GPS.search(written):
-        lon, lat, alt = map(float, gps.groups())
-        return lat, lon, alt
+        return _of_gps(*gps.groups())
     lat, lon, alt = (one.search(written) for one in (_LAT, _LON, _ALT))
     return (float(lat[1]), float(lon[1]), float(alt[1]) if alt else float("nan")) if lat and lon else None
+
+
+def _of_gps(first: str, second: str, third: str, unit: str) -> tuple[float, float, float]:
+    """Return latitude, longitude and altitude of a `GPS(first, second, third unit)`: see above."""
+    one, two = float(first), float(second)
+    latitude_first = abs(one) <= 90 and (unit == "M" or abs(two) > 90)
+    altitude = float(third) if "." in third and float(third) else float("nan")
+    return (one, two, altitude) if latitude_first else (two, one, altitude)
 
 
 def _second(hours: str, minutes: str, seconds: str, thousandths: str) -> float:

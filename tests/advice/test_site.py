@@ -27,7 +27,7 @@ def test_samples_lie_on_the_surface_and_in_its_hole() -> None:
     assert not whole.in_hole.any()
     there = holed.samples.xyz[holed.in_hole]
     assert np.abs(there[:, :2]).max() <= 31 and np.allclose(there[:, 2], 0, atol=0.1)
-    assert len(there) * holed.sample_area == pytest.approx(60 * 60, rel=0.1)
+    assert len(there) * holed.area.cell**2 == pytest.approx(60 * 60, rel=0.1)
     assert len(holed.samples.xyz) == pytest.approx(len(whole.samples.xyz), rel=0.03), (
         "as dense in the hole as beside it"
     )

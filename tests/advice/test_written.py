@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from aug3d_core.advice.page import advice_page, verdict
+from aug3d_core.advice.mission import waypoints
+from aug3d_core.advice.page import advice_page, caution, verdict
 from aug3d_core.advice.plan import Plan, plan_of
 from aug3d_core.advice.written import write_advice
 from aug3d_core.run.errors import StoreError
-from tests.advice.flown_site import mesh, write_scene
+from tests.advice.flown_site import ORIGIN, mesh, write_scene
 
 
 def written(plan: Plan, folder: Path) -> str:
@@ -39,3 +40,19 @@ def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
     (surface / "baseline_mesh.ply").unlink()
     with pytest.raises(StoreError, match=r"baseline_mesh\.ply is missing"):
         plan_of(sfm, surface, [], 3, 15.0)
+
+
+def test_where_nothing_is_missing_there_is_a_page(tmp_path: Path) -> None:
+    plan = plan_of(*write_scene(tmp_path), [], 0, 15.0)
+    assert 'class="new"' not in written(plan, tmp_path / "advice") and caution(plan) == ""
+
+
+def test_below_which_altitude_nobody_may_take_off(tmp_path: Path) -> None:
+    plan = plan_of(*write_scene(tmp_path, skipped_m=50.0), [], 3, 15.0)
+    assert plan.origin is not None
+    lowest = min(point.alt_m - point.up_m for point in waypoints(plan.choice.advised, plan.origin, plan.lowest_ground))
+    assert plan.take_off_m == pytest.approx(lowest, abs=0.05) == pytest.approx(ORIGIN["alt_m"], abs=0.1)
+    assert caution(plan).startswith("Do not take off below 540 m")
+    assert "Do not take off below 540 m" in written(plan, tmp_path / "advice")
+    other = plan_of(*write_scene(tmp_path / "no gps", skipped_m=50.0, gps=False), [], 3, 15.0)
+    assert caution(other) == ""

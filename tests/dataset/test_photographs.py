@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from aug3d_core.dataset import real
 from aug3d_core.dataset.photographs import scene_of_photographs
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.geometry.masks import save_mask
@@ -58,6 +59,30 @@ def test_what_is_masked_is_a_hole_and_its_colours_are_gone(tmp_path):
     assert (scene.images[2] == 42).all() and (scene.fine_images[2] == 42).all()
     assert (scene.alpha[2] == 0).mean() == pytest.approx(0.23, abs=0.03)
     assert (scene.alpha[[0, 1, 3, 4]] == 255).all()
+
+
+def test_photographs_are_read_when_they_are_asked_for_and_once(tmp_path, monkeypatch):
+    """A place of thousands of photographs would fill the memory."""
+    read, packed_colour = [], real.packed_colour
+
+    def counted(sfm, photo_id, crop):
+        read.append(photo_id)
+        return packed_colour(sfm, photo_id, crop)
+
+    monkeypatch.setattr(real, "packed_colour", counted)
+    scene = scene_of_photographs(flight(tmp_path, 5), (40, 32), 0.005, 0.1)
+    assert not read
+    assert [scene.images[view].mean() for view in (3, 1, 3)] == [43, 41, 43]
+    assert scene.fine_images[3].mean() == 43
+    assert read == [103, 101, 103]
+
+
+def test_all_photographs_of_which_masks_leave_nothing_are_named(tmp_path):
+    folder = flight(tmp_path, 5)
+    for number in (101, 103):
+        save_mask(np.zeros((60, 80), bool), folder / VIEW_MASKS / image_name(number))
+    with pytest.raises(InputError, match="masks leave nothing of 2 photos as they are packed, 40x32 px: 101, 103"):
+        scene_of_photographs(folder, (40, 32), 0.005, 0.1)
 
 
 def test_without_a_pose_there_is_no_scene(tmp_path):

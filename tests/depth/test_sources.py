@@ -50,6 +50,14 @@ def test_a_train_view_takes_only_train_views_and_no_target_is_taken() -> None:
     assert set(chosen[1]) == {0, 2, 3}
 
 
+def test_the_order_of_the_observations_is_nothing_to_it() -> None:
+    views, points, tracks = row_of_views([0.0, at(5), at(10), at(15), at(20)])
+    order = np.random.default_rng(0).permutation(len(tracks.view))
+    mixed = Tracks(tracks.point[order], tracks.view[order], tracks.xy[order])
+    chosen = choose_sources(views, points, mixed, given=ALL, train=ALL, most=4)
+    assert chosen == choose_sources(views, points, tracks, given=ALL, train=ALL, most=4)
+
+
 def test_a_view_that_shares_too_little_has_no_source() -> None:
     views, points, tracks = row_of_views([0.0, at(5), at(10), at(15), at(20)])
     kept = (tracks.view != 4) | (tracks.point < 7)

@@ -175,12 +175,14 @@ def test_masked_photographs_are_packed_with_holes_and_the_others_as_ever(scene, 
     assert np.array_equal(packed.images[others], scene.images[others]) and (packed.alpha[others] == 255).all()
 
 
-def test_a_mask_that_leaves_nothing_of_a_packed_photograph_is_refused(scene, inputs, tmp_path):
+def test_masks_that_leave_nothing_of_packed_photographs_are_refused(scene, inputs, tmp_path):
     used = np.zeros((HEIGHT, WIDTH), bool)
     used[0] = True  # beside the crop
-    save_mask(used, inputs["sfm"] / VIEW_MASKS / image_name(7))
+    for photo_id in (7, 11):
+        save_mask(used, inputs["sfm"] / VIEW_MASKS / image_name(photo_id))
+    shutil.rmtree(inputs["rendering"])  # they are told before it is read
     small = DatasetConfig(width_px=24, height_px=8)
-    with pytest.raises(InputError, match=r"leaves nothing of photo 7 as it is packed, 24x8 px"):
+    with pytest.raises(InputError, match=r"leave nothing of 2 photos as they are packed, 24x8 px: 7, 11"):
         run(inputs, small, tmp_path / "out", silent)
 
 

@@ -261,6 +261,29 @@ def test_killed_in_both_steps_it_goes_on_and_ends_in_the_same_bytes(
     assert outcome.metrics == found[1].metrics | {"seconds_per_photo": None}
 
 
+@pytest.mark.parametrize("lost", [0, 1])
+def test_stopped_at_fusing_it_sweeps_and_compares_no_photo_again(
+    lost: int, quick: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But where a map that was compared is lost, as with the machine that made it: its raw maps are gone already."""
+
+    def stop(*_: object) -> None:
+        raise InterruptedError
+
+    with monkeypatch.context() as patched, pytest.raises(InterruptedError):
+        patched.setattr(depth_stage, "fuse_to", stop)
+        find_depth(inputs, tmp_path, max_px=QUICK_PX)
+    assert not [*(tmp_path / RAW).glob("*.bin")], "they take as much of the disk as all the rest"
+    made = sorted((tmp_path / NORMAL_MAPS).iterdir())
+    for file in made[:lost]:
+        file.unlink()
+    times = [file.stat().st_mtime_ns for file in made[lost:]]
+    outcome = find_depth(inputs, tmp_path, max_px=QUICK_PX)
+    assert [file.stat().st_mtime_ns for file in made[lost:]] == times
+    assert (outcome.metrics["seconds_per_photo"] is None) == (not lost)
+    assert files(tmp_path) == files(quick[0])
+
+
 def test_what_another_machine_has_swept_is_used_and_the_bytes_are_the_same(
     quick: tuple[Path, Outcome], inputs: Inputs, tmp_path: Path
 ) -> None:
@@ -350,11 +373,15 @@ def test_patch_match_gets_what_the_workspace_holds_and_its_maps_are_fused(
             for index in set(range(11)) - {3}:
                 name = geometric_map_name(index)
                 shutil.copy(found[0] / DENSE_WORKSPACE / folder / name, workspace / folder)
+                (workspace / folder / name.replace("geometric", "photometric")).touch()
 
     cuda(monkeypatch, devices=1)
     monkeypatch.setattr(depth_stage, "patch_match", stand_in)
     outcome = find_depth(aside, tmp_path / "out", sources=10, engine="patch_match")
     assert (outcome.metrics["engine"], outcome.metrics["photos"]) == ("patch_match", 10)
+    maps = [*(tmp_path / "out" / DENSE_WORKSPACE).rglob("*.bin")]
+    assert len([file for file in maps if "geometric" in file.name]) == 20
+    assert not [file for file in maps if "photometric" in file.name], "nobody reads them"
     off = np.abs(Fused.load(tmp_path / "out" / FUSED).xyz[:, 2, None] - [z for z, _, _ in SCENE.planes]).min(axis=1)
     assert np.median(off) < 0.1
 

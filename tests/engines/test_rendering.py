@@ -9,6 +9,7 @@ import pytest
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import apply, homogeneous, invert, look_at, project
+from aug3d_core.rendering import launch
 from aug3d_core.rendering.colour import linear_from_srgb
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, Sunlit
 from aug3d_core.rendering.launch import render
@@ -206,16 +207,19 @@ def test_a_missing_mesh_is_named(tmp_path):
     assert not out.exists()
 
 
-def test_a_worker_that_grew_leaves_the_rest_to_another_and_no_view_differs(tmp_path):
+def test_a_worker_that_grew_leaves_the_rest_to_another_and_no_view_differs(tmp_path, monkeypatch):
     """Shards of two views, in one process or in one each, on one thread or two, hold what one shard of all views holds."""
     rng = np.random.default_rng(6)
     poses, lenses = cameras(4, np.zeros(3), 5.0, rng)
     whole = shoot(tmp_path, quad([(-2, -1, 0), (1, -1, 0), (1, 1, 1), (-2, 1, 0)], COLOURS[2]), poses, lenses, 5)
     parts = tuple(Shard(first=i, last=i + 2, out=tmp_path / f"part{i}.npz", samples=5) for i in (0, 2))
     job = RenderJob(meshes=(MeshFile(path=tmp_path / "mesh.ply"),), cameras=tmp_path / "cameras.npz", shards=parts)
+    started, run_worker = [], launch.run_worker
+    monkeypatch.setattr(launch, "run_worker", lambda *given: (started.append(given), run_worker(*given)))
     for changes, processes in (({"growth_mib": 0.0}, 2), ({"threads": 1}, 1)):
+        started.clear()
         spent = render(job.model_copy(update=changes), lambda _: None)
-        assert (spent.workers, spent.views) == (processes, 4)
+        assert (len(started), spent.views) == (processes, 4)
         for part in parts:
             with np.load(part.out) as arrays:
                 for name, array in whole.items():

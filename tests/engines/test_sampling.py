@@ -14,6 +14,7 @@ from aug3d_core.domes.site import edge_length, lens_like, photo_sampling
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import invert, look_at
 from aug3d_core.geometry.views import Views
+from aug3d_core.run.errors import InputError
 from tests.engines.little_town import CONFIG, SIZE, VIEWS_PER_DOME, config, site_over, town
 
 
@@ -177,3 +178,30 @@ def test_the_lens_is_that_of_the_photos_cut_to_the_view():
     np.testing.assert_allclose(lens_like(photos, SIZE), [100.0, 100.0, 48.0, 36.0])
     assert np.isclose(photo_sampling(photos, town(), SIZE), 0.2)  # 20 above the ground, 100 px
     assert np.isclose(edge_length(town()), 0.5)
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 30.0, 45.0])
+def test_a_pixels_size_is_that_of_what_photos_frame_however_wide_the_ground_is(tilt_deg):
+    """Against the median depth of the ground that the frame shows, from a fine grid of its own."""
+    ahead = 20 * np.tan(np.radians(tilt_deg))
+    poses = np.stack([look_at(np.array([x, 0.0, 20.0]), np.array([x, ahead + 1e-3, 0.0])) for x in (-3.0, 0.0, 3.0)])
+    photos = Views(np.arange(3), poses, np.tile([400.0, 400.0, 256.0, 144.0], (3, 1)), np.tile([512, 288], (3, 1)))
+    x, y = np.meshgrid(np.linspace(-200, 200, 801), np.linspace(-200, 200, 801))
+    xyz = np.stack([x, y, 0 * x], -1).reshape(-1, 3)
+    wide = Mesh(xyz.astype(np.float32), np.zeros(xyz.shape, np.uint8), np.zeros((0, 3), np.int32))
+    u, v = np.meshgrid(np.arange(512) + 0.5, np.arange(288) + 0.5)
+    down = (np.stack([(u - 256) / 400, (v - 144) / 400, np.ones_like(u)], -1) @ poses[0, :, :3])[..., 2]
+    depth = -20 / down.ravel()
+    # Pixels count here by the ground that they show: along a ray its area grows with the cube of the depth
+    order, area = np.argsort(depth), depth**3
+    middle = depth[order][np.searchsorted(np.cumsum(area[order]), area.sum() / 2)]
+    assert np.isclose(photo_sampling(photos, wide, SIZE), middle / 100, rtol=0.03)
+
+
+def test_photos_that_frame_nothing_count_for_nothing():
+    sights = [((0.0, 1e-3, 20.0), (0.0, 0.0, 0.0)), ((0.0, 1e-3, 20.0), (0.0, 0.0, 40.0))]
+    poses = np.stack([look_at(np.array(at), np.array(target)) for at, target in sights])
+    photos = Views(np.arange(2), poses, np.tile([400.0, 400.0, 256.0, 144.0], (2, 1)), np.tile([512, 288], (2, 1)))
+    assert np.isclose(photo_sampling(photos, town(), SIZE), 0.2)
+    with pytest.raises(InputError, match="no train photo frames any of the mesh"):
+        photo_sampling(photos.take(np.array([1])), town(), SIZE)

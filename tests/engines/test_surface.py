@@ -1,4 +1,6 @@
+import gc
 import json
+import weakref
 from dataclasses import replace
 from filecmp import cmp
 from pathlib import Path
@@ -20,6 +22,7 @@ from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
+from aug3d_core.surface import checks, stage
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
 from aug3d_core.surface.evidence import Evidence
@@ -240,6 +243,23 @@ def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, built, tmp
         assert render.mode == "RGBA"
     assert all((out / path).is_file() for path in outcome.pictures.values())
     assert (out / TEXTURED_MESH).exists() == (colour == "texture")
+
+
+def test_no_more_renders_are_held_than_pictures_show(flight, tmp_path, monkeypatch):
+    held, most, rgba = list[weakref.ref](), 0, checks.rgba
+
+    def counted(render):
+        nonlocal most
+        gc.collect()  # the checks of shapes in tests leave circles
+        held.append(weakref.ref(image := rgba(render)))
+        most = max(most, sum(one() is not None for one in held))
+        return image
+
+    monkeypatch.setattr(checks, "rgba", counted)
+    monkeypatch.setattr(stage, "PICTURE_ROWS", 1)
+    build_surface(flight, tmp_path, colour="vertex", check_views=8)
+    assert len(held) == 9
+    assert most <= 5, "one of each kind that is shown, and what is at hand"
 
 
 def test_the_lake_is_a_hole_and_the_blob_is_gone(built):

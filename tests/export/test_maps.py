@@ -10,10 +10,21 @@ import numpy as np
 import pandas as pd
 import pytest
 import rasterio
+import rasterio.shutil
 from PIL import Image
 from rasterio.warp import transform
+from scipy.spatial.transform import Rotation
 
-from aug3d_core.export.maps import CAMERAS, CAMERAS_KML, ORTHOPHOTO, SURFACE_MODEL, MapWritten, export_map
+from aug3d_core.advice.choice import pose
+from aug3d_core.export.maps import (
+    CAMERAS,
+    CAMERAS_KML,
+    ORTHOPHOTO,
+    SURFACE_MODEL,
+    MapWritten,
+    export_map,
+    headings_deg,
+)
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
@@ -125,6 +136,33 @@ def test_cameras_are_points_on_earth(scene: tuple[Path, Path, Path], tmp_path: P
     assert features[0]["geometry"]["coordinates"] == pytest.approx([lon[0], lat[0], alt[0]], abs=1e-6)
     assert [one["properties"]["name"] for one in features] == ["0.jpg", "1.jpg", "2.jpg", "3.jpg"]
     assert all(one["properties"]["pitch_deg"] == pytest.approx(-90, abs=0.1) for one in features)
+    assert all(one["properties"]["yaw_deg"] == pytest.approx(0, abs=0.1) for one in features)
+
+
+@pytest.mark.parametrize("down_deg", [90.0, 80.0, 50.0, 44.0, 10.0])
+@pytest.mark.parametrize("yaw_deg", [0.0, 40.0, -160.0])
+def test_noise_of_the_gimbal_turns_no_heading(down_deg: float, yaw_deg: float) -> None:
+    rng = np.random.default_rng(0)
+    poses = np.stack([pose(np.zeros(3), yaw_deg, -down_deg) for _ in range(20)])
+    noise = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, (20, 3)), degrees=True).as_matrix()
+    off_deg = headings_deg(noise @ poses) - yaw_deg
+    assert np.abs((off_deg + 180) % 360 - 180).max() < 2
+
+
+@pytest.mark.parametrize("up_from", ["gps", "control"])
+def test_what_tells_the_world_is_told_by_name(scene: tuple[Path, Path, Path], tmp_path: Path, up_from: str) -> None:
+    told = json.loads((scene[0] / "world.json").read_text())
+    (scene[0] / "world.json").write_text(json.dumps(told | {"up_from": up_from}))
+    assert written(scene, tmp_path / "map").by_control == (up_from == "control")
+
+
+def test_a_map_may_be_larger_than_a_plain_tiff(
+    scene: tuple[Path, Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[dict] = []
+    monkeypatch.setattr(rasterio.shutil, "copy", lambda *_, **options: asked.append(options))
+    written(scene, tmp_path / "map")
+    assert [one["BIGTIFF"] for one in asked] == ["IF_SAFER"] * 2
 
 
 def test_without_gps_the_map_is_in_the_scenes_own_world(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import OpenEXR
@@ -149,6 +150,16 @@ def test_points_are_where_the_cameras_of_a_folder_say(scenes, tmp_path, form, si
             np.asarray(image),
             crop.covered(scene.images[rows[0]], scene.alpha[rows[0]], scene.depth[rows[0]].astype(np.float32))[0],
         )
+
+
+def test_nerfstudio_s_depth_has_one_unit_which_a_file_tells(scenes, tmp_path):
+    name, scene, trained = scenes[0]
+    deep = replace(scene, depth=scene.depth * np.float16(20))
+    export_packed([(name, scene, trained), ("deep", deep, True)], "nerfstudio", tmp_path / "out")
+    told = [json.loads(file.read_text()) for file in sorted((tmp_path / "out").rglob("transforms.json"))]
+    (unit,) = {one["depth_unit_scale_factor"] for one in told if "depth_unit_scale_factor" in one}
+    assert unit * 65_535 >= float(deep.depth.max()) > 65.5
+    assert f"--depth-unit-scale-factor {unit}\n" in (tmp_path / "out" / "README.txt").read_text()
 
 
 def test_nerfstudio_s_depth_is_that_of_the_data_set(scenes, tmp_path):

@@ -24,12 +24,13 @@ def film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_photographs_are_written_and_what_to_do_next_is_said(film: Path) -> None:
-    done = run("coast.mp4", "--out", "photos")
+    done = run("coast.mp4", "--out", "my photos")
     assert done.exit_code == 0, done.output
-    count = len(list(Path("photos").iterdir()))
+    count = len(list(Path("my photos").iterdir()))
     assert (
         f"coast.mp4: {count} photographs of {seconds_of(film):.0f} s, without places" in done.stdout
-        and "aug3d look photos" in done.stdout
+        and "aug3d look 'my photos'" in done.stdout
+        and "--photos 'my photos'" in done.stdout
     )
 
 

@@ -25,18 +25,18 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_page_is_written_here_and_nothing_else(here: Path) -> None:
-    take(here / "coast", lines(5))
-    done = looked("coast")
+    take(here / "coast [raw]", lines(5))
+    done = looked("coast [raw]")
     assert done.exit_code == 0, done.output
-    assert "look good" in done.stdout and "preset tiny" in done.stdout and "look_coast.html" in done.stdout
-    assert {path.name for path in here.iterdir()} == {"coast", "look_coast.html"}
+    assert "look good" in done.stdout and "preset tiny" in done.stdout and "page: look_coast [raw].html" in done.stdout
+    assert {path.name for path in here.iterdir()} == {"coast [raw]", "look_coast [raw].html"}
 
 
 def test_programs_get_json(here: Path) -> None:
     take(here / "coast", lines(2))
     done = looked("coast", "--json", "--out", "page.html")
     told = json.loads(done.stdout)
-    assert done.exit_code == 0 and told["photographs"] == 14 and told["page"] == str(here / "page.html")
+    assert done.exit_code == 0 and told["photographs"] == 16 and told["page"] == str(here / "page.html")
     assert [one["weight"] for one in told["findings"]] == ["warn"] and told["cost"]["tiny"]["seconds"] > 0
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
-from flows.predict import fold_notes
+from flows.predict import _print, fold_notes
 
 
 def invoke(*arguments: str | Path):
@@ -87,3 +87,9 @@ def test_photographs_of_nowhere(words: tuple[str, ...], problem: str, tmp_path: 
     done = invoke(*words, "--home", tmp_path / "home")
     assert done.exit_code == 2
     assert problem in done.output.replace("\n", " ")
+
+
+def test_a_note_is_text_and_never_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    files = {"picture": "view.png", "panel": "panel.png", "inputs": [1]}
+    _print({**files, "metrics": {"ground_seen_share": 1.0}, "notes": ["photo [raw] is odd"]})
+    assert "note photo [raw] is odd" in capsys.readouterr().out

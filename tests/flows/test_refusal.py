@@ -52,3 +52,37 @@ def test_what_a_server_adds_about_http_is_left_out(capsys) -> None:
         raise server
     problem = json.loads(capsys.readouterr().out)["failure"]["problem"]
     assert problem.endswith("500 Internal Server Error'")
+
+
+@pytest.mark.parametrize(
+    ("number", "says"),
+    [
+        (errno.EACCES, "let this user"),
+        (errno.EPERM, "let this user"),
+        (errno.EROFS, "a disk that can be written"),
+        (errno.ENOENT, "nothing is there"),
+        (errno.EISDIR, "this is a folder"),
+        (errno.ENOTDIR, "is a file, not a folder"),
+    ],
+)
+def test_a_path_that_cannot_be_used_is_named_with_what_to_do(number: int, says: str, capsys) -> None:
+    with pytest.raises(typer.Exit) as left, typed_errors(as_json=True):
+        raise OSError(number, os.strerror(number), "/data/photos [raw]")
+    failure = json.loads(capsys.readouterr().out)["failure"]
+    assert left.value.exit_code == 1 and says in failure["remedy"]
+    assert failure["problem"] == f"/data/photos [raw]: {os.strerror(number)}"
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ECONNRESET, "reset", "x"), FileNotFoundError("of no file")])
+def test_other_errors_of_the_system_are_raised(error: OSError) -> None:
+    with pytest.raises(OSError), typed_errors(as_json=True):
+        raise error
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_ctrl_c_says_that_it_goes_on_only_where_it_does(goes_on: bool, capsys) -> None:
+    with pytest.raises(typer.Exit) as left, typed_errors(as_json=False, goes_on=goes_on):
+        raise KeyboardInterrupt
+    told = capsys.readouterr().err
+    assert left.value.exit_code == 130 and told.startswith("stopped")
+    assert ("go on where it was" in told) == goes_on

@@ -6,10 +6,11 @@ import io
 from pathlib import Path
 from typing import Any
 
+import pytest
 from rich.console import Console
 
 from aug3d_core.store.scenes import version_metrics
-from flows.summary import print_summary
+from flows.summary import command, print_summary
 from tests.tasks.logged import version
 
 
@@ -41,3 +42,21 @@ def test_what_auto_decided_is_told_with_its_reason(tmp_path: Path) -> None:
            "rule": "3 times that", "saves": "", "costs": ""}  # fmt: skip
     told = printed(metrics | {"needs": [row, row | {"by": "sfm", "field": "sfm.mapper"}]})
     assert "depth.max_px" in told and "288" in told and "3 times that" in told and "sfm.mapper" not in told
+
+
+def test_notes_and_places_are_text_and_never_markup(tmp_path: Path) -> None:
+    metrics = version_metrics(version(tmp_path / "home [raw]"))
+    stage = next(iter(metrics["stages"]))
+    metrics["stages"][stage]["notes"] = ["folder [raw] is odd"]
+    told = printed(metrics)
+    assert f"note {stage}: folder [raw] is odd" in told and f"{tmp_path}/home [raw]/" in told
+
+
+def test_a_next_step_names_the_home_that_it_would_not_find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("AUG3D_HOME", raising=False)
+    assert command(Path("aug3d_data"), "show", "toy").endswith("aug3d show toy")
+    assert command(Path("my home"), "show", "toy").endswith("aug3d show toy --home 'my home'")
+    monkeypatch.setenv("AUG3D_HOME", str(tmp_path / "my home"))
+    assert command(Path("my home"), "show", "toy").endswith("aug3d show toy")
+    assert command(Path("aug3d_data"), "show", "toy").endswith("aug3d show toy --home aug3d_data")

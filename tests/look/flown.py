@@ -45,7 +45,7 @@ def ground() -> Image.Image:
     return Image.fromarray(grey.clip(0, 255).astype(np.uint8))
 
 
-def lines(count: int = 4, each: int = 7, along: float = 0.7, across: float = 0.6, turning: bool = False) -> list[Shot]:
+def lines(count: int = 4, each: int = 8, along: float = 0.7, across: float = 0.6, turning: bool = False) -> list[Shot]:
     """Fly lines to and fro; along, across: overlap. turning: the drone turns at their ends."""
     step_m, apart_m = (1 - along) * WIDTH_M * SIZE_PX[1] / SIZE_PX[0], (1 - across) * WIDTH_M
     shots = []
@@ -114,6 +114,6 @@ def dji(shot: Shot) -> bytes:
     return f'<x:xmpmeta><rdf:Description {told} drone-dji:GimbalPitchDegree="-90.00"/></x:xmpmeta>'.encode()
 
 
-def without(shots: list[Shot], *lines_left_out: int, each: int = 7) -> Iterator[Shot]:
+def without(shots: list[Shot], *lines_left_out: int, each: int = 8) -> Iterator[Shot]:
     """Yield the shots of the other lines."""
     yield from (shot for i, shot in enumerate(shots) if i // each not in lines_left_out)

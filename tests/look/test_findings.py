@@ -74,7 +74,7 @@ def test_lines_that_lie_too_far_apart_and_parts_that_cannot_be_joined(tmp_path: 
     [far] = found(take(tmp_path / "far", lines(5, across=0.25)))
     assert far.weight == "warn" and "sideways by 2" in far.what
     parts, *_ = found(take(tmp_path / "parts", [*without(lines(9, across=0.6), 3, 4, 5)]))
-    assert "falls into 2 parts" in parts.what and len(parts.names) == 21
+    assert "falls into 2 parts" in parts.what and len(parts.names) == 24
 
 
 def test_ground_that_was_left_out_is_told_with_its_size(tmp_path: Path) -> None:
@@ -88,6 +88,8 @@ def test_positions_times_and_flights(tmp_path: Path) -> None:
     wild = [replace(shot, told_m=(0.0, 3000.0)) if i == 12 else shot for i, shot in enumerate(shots)]
     [one] = found(take(tmp_path / "wild", wild))
     assert (one.weight, one.names) == ("warn", ("shot_012.jpg",)) and "cannot be right" in one.what
+    lost = [replace(shot, told_m=(9000.0 * (i // 2), 0.0)) for i, shot in enumerate(lines(1, 4))]
+    assert not any("cannot be right" in one.what for one in found(take(tmp_path / "lost", lost)))
     later = [replace(shot, time=shot.time + timedelta(days=3 * (i > 20))) for i, shot in enumerate(shots)]
     [one] = found(take(tmp_path / "days", later))
     assert one.weight == "warn" and "2 flights on 2 days" in one.what
@@ -104,7 +106,11 @@ def test_a_camera_that_only_turns_and_one_that_hovers(tmp_path: Path) -> None:
 
 def test_few_photographs(tmp_path: Path) -> None:
     assert "small scene" in found(take(tmp_path / "few", lines(2)))[0].what
-    assert found(take(tmp_path / "two", lines(1, 2)))[0].weight == "stop"
+    assert not any("small scene" in one.what for one in found(take(tmp_path / "enough", lines(5, 8))))
+    [short] = found(take(tmp_path / "short", lines(3, 13)))
+    assert short.what.startswith("39 photographs: a small scene") and short.to_do == "Take 40 or more."
+    for count in (2, 3):
+        assert found(take(tmp_path / str(count), lines(1, count)))[0].weight == "stop"
     assert found(take(tmp_path / "one", lines(1, 1)))[0].weight == "stop"
     with pytest.raises(InputError, match="is empty"):
         (tmp_path / "none").mkdir()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,20 @@ def test_of_many_photographs_those_with_nothing_wrong_are_shown_in_part(
     page = looked(take(tmp_path, shots))
     assert 5 <= page.count("data:image/jpeg;base64,") <= 7
     assert re.search(r"Of 1\d more", page) and 'id="p4"' in page
+    linked, shown = ({*re.findall(f'{name}"#?(p\\d+)"', page)} for name in ("href=", "id="))
+    assert linked == shown - {"p4"} and page.count('class="at ') == len(shots) - 1
+
+
+def test_a_flight_of_two_days_in_a_folder_with_a_space(tmp_path: Path) -> None:
+    shots = lines(5)
+    one_day = looked(take(tmp_path / "my flight", shots))
+    assert "2026-05-01 12:00 to 12:02" in one_day
+    assert f"--photos &#x27;{tmp_path}/my flight&#x27; --dry-run" in one_day
+    shots[-1] = replace(shots[-1], time=shots[-1].time + timedelta(hours=21))
+    assert "2026-05-01 12:00 to 2026-05-02 09:02" in looked(take(tmp_path / "two", shots))
+
+
+def test_positions_that_contradict_each_other_have_a_page(tmp_path: Path) -> None:
+    shots = [replace(shot, told_m=(9000.0 * (i // 2), 0.0)) for i, shot in enumerate(lines(1, 4))]
+    page = looked(take(tmp_path, shots))
+    assert page.count('class="at ') == 4

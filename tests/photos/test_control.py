@@ -113,6 +113,47 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: Path, lines: tuple[str, .
     assert "gcp_list.txt" in error.value.problem and error.value.remedy
 
 
+def test_a_name_in_several_folders_needs_its_folder(tmp_path: Path) -> None:
+    table = photos()
+    table["name"] = ["a/img_0.jpg", "b/img_0.jpg", "b/img_1.jpg"]
+    with pytest.raises(
+        InputError, match=r"line 3: img_0.jpg is the name of several photographs: a/img_0.jpg, b/img_0.jpg"
+    ) as told:
+        read_control(listed(tmp_path, mark(more="1 1 img_1.jpg A"), mark()), table)
+    assert "Write its folder too" in told.value.remedy
+    marks, _ = read_control(listed(tmp_path, mark(more="1 1 img_1.jpg A"), mark(more="1 1 b/img_0.jpg A")), table)
+    assert marks["photo_id"].tolist() == [2, 1]
+    table["name"] = ["a/img_0.jpg", "img_0.jpg", "b/img_1.jpg"]  # in the folder itself: that is its whole name
+    assert read_control(listed(tmp_path, mark()), table)[0]["photo_id"].tolist() == [1]
+
+
+FOOT_M = 1200 / 3937  # of the US survey
+
+
+@pytest.mark.parametrize(
+    ("first", "foot_m", "height_m"),
+    [
+        (UTM, 1, 100.0),
+        ("+proj=utm +zone=34 +datum=WGS84 +units=us-ft", FOOT_M, 100 * FOOT_M),
+        ("+proj=utm +zone=34 +datum=WGS84 +units=ft", 0.3048, 30.48),
+        ("+proj=utm +zone=34 +datum=WGS84 +units=us-ft +vunits=m", FOOT_M, 100.0),
+        ("+proj=utm +zone=34 +datum=WGS84 +units=m +vunits=us-ft", 1, 100 * FOOT_M),
+    ],
+)
+def test_heights_become_metres(tmp_path: Path, first: str, foot_m: float, height_m: float) -> None:
+    table, notes = read_control(listed(tmp_path, mark(EAST / foot_m, NORTH / foot_m), first=first), photos())
+    assert table["alt_m"][0] == pytest.approx(height_m) and abs(table["lat_deg"][0] - 52.2) < 1e-3
+    assert any("become metres" in note for note in notes) == (height_m != 100)
+
+
+@pytest.mark.parametrize(
+    ("first", "height_m"), [("EPSG:2263", 100 * FOOT_M), ("EPSG:2263+5703", 100.0), ("EPSG:2263+6360", 100 * FOOT_M)]
+)
+def test_heights_over_a_plane_in_feet(tmp_path: Path, first: str, height_m: float) -> None:
+    table, _ = read_control(listed(tmp_path, mark(984250.0, 0.0), first=first), photos(40.17, -74.0))
+    assert table["alt_m"][0] == pytest.approx(height_m)
+
+
 @pytest.mark.parametrize(
     ("first", "x", "y", "remedy"),
     [

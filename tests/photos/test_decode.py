@@ -66,6 +66,13 @@ def test_deep_grey_keeps_its_tones(tmp_path: Path) -> None:
     np.testing.assert_array_equal(copy[..., 0], grey)
 
 
+def test_floating_point_pixels_are_refused(tmp_path: Path) -> None:
+    """They have no range that is known: taken as 0 to 255, heights or reflectances would come out white or black."""
+    Image.fromarray(np.asarray(pixels().convert("L"), np.float32) * 40).save(tmp_path / "a.tif")
+    with pytest.raises(PictureError, match="floating-point pixels: convert it to 8 or 16 bits a channel"):
+        decoded(tmp_path / "a.tif", tmp_path)
+
+
 def test_a_truncated_jpeg(tmp_path: Path) -> None:
     path = write_photo(tmp_path / "a.jpg")
     path.write_bytes(path.read_bytes()[:-800])

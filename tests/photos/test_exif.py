@@ -97,6 +97,25 @@ def test_position_and_its_hemispheres(tmp_path: Path, lat: float, lon: float) ->
     assert exif.alt_m == pytest.approx(198.3)
 
 
+@pytest.mark.parametrize(
+    ("south", "west"), [("S\0", "W\0"), ("S ", " w"), ("South", "West"), (b"S", b"W\0"), ("s", "W")]
+)
+def test_hemispheres_as_cameras_write_them(south: str | bytes, west: str | bytes) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(ExifTags.IFD.GPSInfo).update(
+        {
+            GPS.GPSLatitude: degrees(33.9),
+            GPS.GPSLatitudeRef: south,
+            GPS.GPSLongitude: degrees(70.7),
+            GPS.GPSLongitudeRef: west,
+        }
+    )
+    image = Image.new("RGB", (7, 11))
+    image.getexif = lambda: exif  # Pillow writes no bytes for a tag of letters, and other writers do
+    found = read_exif(image, image.size)
+    assert (found.lat_deg, found.lon_deg) == (pytest.approx(-33.9, abs=1e-7), pytest.approx(-70.7, abs=1e-7))
+
+
 def test_below_the_sea(tmp_path: Path) -> None:
     gps = {
         GPS.GPSLatitude: degrees(31.5),

@@ -18,9 +18,9 @@ from aug3d_core.run.stage import Outcome
 from tests.photos.photo_files import write_photo
 
 
-def take_in(folder: Path, out: Path, **config: int) -> Outcome:
+def take_in(folder: Path, out: Path, min_photos: int = 3, **config: int) -> Outcome:
     out.mkdir(exist_ok=True)
-    return run({"folder": folder}, PhotosConfig(**config), out, lambda done, total, what: None)
+    return run({"folder": folder}, PhotosConfig(min_photos=min_photos, **config), out, lambda done, total, what: None)
 
 
 @pytest.fixture

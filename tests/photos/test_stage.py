@@ -25,9 +25,9 @@ TAG = ExifTags.Base
 GPS = ExifTags.GPS
 
 
-def take_in(folder: Path, out: Path, **config: int) -> Outcome:
+def take_in(folder: Path, out: Path, min_photos: int = 3, **config: int) -> Outcome:
     out.mkdir(exist_ok=True)
-    return run({"folder": folder}, PhotosConfig(**config), out, lambda done, total, what: None)
+    return run({"folder": folder}, PhotosConfig(min_photos=min_photos, **config), out, lambda done, total, what: None)
 
 
 def rejected(out: Path) -> dict[str, str]:
@@ -174,11 +174,12 @@ def test_a_folder_of_text_files(tmp_path: Path) -> None:
         take_in(tmp_path / "in", tmp_path / "out")
 
 
-def test_two_photographs(tmp_path: Path) -> None:
-    for i in range(2):
+def test_three_photographs_are_refused_here_already(tmp_path: Path) -> None:
+    """The split needs four: two to train on, two for the test."""
+    for i in range(3):
         write_photo(tmp_path / "in" / f"{i}.jpg", i)
-    with pytest.raises(InputError, match="in holds 2 usable photographs of 2; at least 3 are needed"):
-        take_in(tmp_path / "in", tmp_path / "out")
+    with pytest.raises(InputError, match="in holds 3 usable photographs of 3; at least 4 are needed"):
+        take_in(tmp_path / "in", tmp_path / "out", PhotosConfig().min_photos)
 
 
 def test_three_photographs_one_of_them_broken(tmp_path: Path) -> None:

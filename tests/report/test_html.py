@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from aug3d_core.report.html import duration, number, percent, picture, slider, spaced, table, tag
+from aug3d_core.report.html import duration, number, page, percent, picture, slider, spaced, table, tag
 
 
 def test_text_is_escaped_where_it_must_be():
@@ -78,3 +78,7 @@ def test_large_pictures_are_embedded_smaller_and_say_their_size(tmp_path):
     Image.fromarray(noise).save(tmp_path / "a.png")
     page = picture(tmp_path / "a.png", "noise", 200)
     assert 'width="200" height="150"' in page and "image/jpeg" in page
+
+
+def test_every_page_prints_its_colours():
+    assert "print-color-adjust:exact" in page("title", "")

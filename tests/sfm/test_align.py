@@ -204,3 +204,30 @@ def test_two_positions_are_too_few() -> None:
     alignment = flight.align(gps)
     assert not alignment.metric
     assert "only 2 of the placed photographs have GPS" in alignment.problem
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 10.0, 25.0])
+@pytest.mark.parametrize("on_the_wall", [0.2, 0.7])
+@pytest.mark.parametrize("portrait", [False, True])
+def test_a_wall_flown_along_at_one_heading_is_not_the_ground(
+    portrait: bool, on_the_wall: float, pitch_deg: float
+) -> None:
+    rng = np.random.default_rng(3)
+    along, up = np.meshgrid(np.linspace(-50, 50, 12), [10.0, 15.0, 20.0])
+    at = np.stack([along.ravel(), np.full(along.size, -20.0), up.ravel()], axis=1)
+    ahead = [0, np.cos(np.radians(pitch_deg)), -np.sin(np.radians(pitch_deg))]
+    cameras = np.stack([look_at(one, one + ahead) for one in at])
+    if portrait:
+        cameras = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) @ cameras
+    wall, ground = rng.uniform(-60, 60, (2000, 2)), rng.uniform(-60, 60, (2000, 2))
+    wall = np.stack([wall[:, 0], rng.normal(0, 0.05, 2000), np.abs(wall[:, 1]) / 2], axis=1)
+    ground = np.stack([ground[:, 0], -np.abs(ground[:, 1]), rng.normal(0, 0.05, 2000)], axis=1)
+    points = np.concatenate([wall[: int(2000 * on_the_wall)], ground[int(2000 * on_the_wall) :]])
+    model_from_world = Similarity(0.037, Rotation.random(random_state=5).as_matrix(), rng.normal(size=3))
+    alignment = align(
+        model_from_world.move_cameras(cameras), model_from_world.apply(points), 0.037 * 25,
+        at + rng.normal(size=at.shape), np.random.default_rng(0),
+    )  # fmt: skip
+    found = alignment.world_from_model.rotation @ model_from_world.rotation
+    assert np.degrees(np.arccos(np.clip(found[2, 2], -1, 1))) < 5.0
+    assert alignment.metric and np.median(alignment.residual_m) < 2.5

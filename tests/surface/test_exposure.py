@@ -1,6 +1,9 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
+from aug3d_core.surface import exposure
 from aug3d_core.surface.exposure import exposure_gains
 
 PHOTOS, PLACES = 9, 1500
@@ -61,3 +64,29 @@ def test_a_photo_without_a_usable_sight_keeps_its_exposure(level):
     rgb[photo == 3] = level
     assert (exposure_gains(place, photo, rgb, PHOTOS + 1)[[3, PHOTOS]] == 1).all()
     assert (exposure_gains(place[:0], photo[:0], rgb[:0], 2) == 1).all()
+
+
+def test_a_round_solves_its_least_squares():
+    """The same log gains come from the problem itself, with the places' colours among the unknowns."""
+    rng = np.random.default_rng(7)
+    place, photo, rgb = flight(rng)
+    value, weight = np.log(rgb[:, 0]), rng.uniform(0.2, 1, len(rgb))
+    pull = exposure.PULL * np.bincount(photo, weight, PHOTOS).mean()
+    rows = np.zeros((len(rgb), PHOTOS + PLACES))
+    rows[np.arange(len(rgb)), photo], rows[np.arange(len(rgb)), PHOTOS + place] = 1, -1
+    design = np.concatenate([rows * np.sqrt(weight)[:, None], np.sqrt(pull) * np.eye(PHOTOS, PHOTOS + PLACES)])
+    right = np.concatenate([-np.sqrt(weight) * value, np.zeros(PHOTOS)])
+    truth = np.linalg.solve(design.T @ design, design.T @ right)[:PHOTOS]
+    np.testing.assert_allclose(exposure._solve(place, photo, value, weight, PHOTOS), truth, atol=1e-8)
+
+
+def test_thousands_of_photos_take_no_table_of_all_pairs():
+    photos = 2000
+    place = np.repeat(np.arange(3 * photos), 2)
+    photo = np.minimum(place // 3 + np.tile([0, 1], 3 * photos), photos - 1)
+    rgb = np.random.default_rng(8).uniform(40, 180, (len(place), 3))
+    tracemalloc.start()
+    exposure_gains(place, photo, rgb, photos)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8 * photos**2 / 2

@@ -26,6 +26,23 @@ def test_each_form_tells_the_same_places(tmp_path: Path, form: str) -> None:
     assert np.allclose(track.at(-1), track.at(0)) and np.allclose(track.at(99), [46.9 + 9e-5, 7.5, 599])
 
 
+@pytest.mark.parametrize(
+    ("line", "place"),
+    [
+        ("GPS(131.1660,-25.2088,14) BAROMETER:8.8", (-25.2088, 131.1660, np.nan)),  # Mavic Pro: 14 satellites
+        ("GPS (-58.851745, -34.237922, 15), D 3.2m", (-34.237922, -58.851745, np.nan)),  # Phantom 4
+        ("GPS(36.6146,-6.1120,0.0M) BAROMETER:79.8M", (36.6146, -6.1120, np.nan)),  # M300
+        ("GPS(116.3913,39.9062,51.5M)", (39.9062, 116.3913, 51.5)),  # no latitude is 116
+        ("GPS(39.906217,116.391305,69.800)", (39.906217, 116.391305, 69.8)),  # Avata 2
+        ("GPS(7.5,46.9,-3.5)", (46.9, 7.5, -3.5)),  # nothing tells
+    ],
+)
+def test_places_of_drones_that_write_them_in_another_order(
+    tmp_path: Path, line: str, place: tuple[float, float, float]
+) -> None:
+    np.testing.assert_array_equal(read_track(write_srt(tmp_path / "a.SRT", 5, line), 5.0).at(2.0), place)
+
+
 def test_zeros_are_no_fix_and_without_places_there_is_none(tmp_path: Path) -> None:
     zero = "[latitude: 0.000000] [longitude: 0.000000]"
     assert not len(read_track(write_srt(tmp_path / "a.srt", 5, zero), 5.0).seconds)

@@ -24,7 +24,7 @@ _STEADY, _STEADY_NEW = 1.15, 1.4  # memory and disk, which depend less on the ma
 _OPEN = 1.4  # further, where settings are decided from the scene later: one of a stage changes the work of the next
 _AWAY = 0.12  # power of how many times more or less work it is than what tells of it
 _FITTED = SceneSize(60, 640 * 480)  # the town of the demo, on which most laws were fitted
-_FEW_TARGETS = 8  # photographs; a scene with fewer in its test's share is made in two folds
+_FEW_TARGETS = 10.5  # photographs; with fewer in its test's share a scene is made in two folds: 4 targets need 11
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from aug3d_core.domes.orthographic import ground_doubts
 from aug3d_core.geometry.ground_model import fit_ground
 from aug3d_core.geometry.transforms import look_at
-from aug3d_core.geometry.up_direction import fit_up, ground_height
+from aug3d_core.geometry.up_direction import fit_up, ground_height, up_from_cameras
 from aug3d_core.run.stage import Outcome
 from aug3d_core.town.generator.terrain import Terrain
 
@@ -68,7 +68,7 @@ def _level(points: Float[np.ndarray, "p 3"]) -> Heights:
 
 def _plane(points: Float[np.ndarray, "p 3"]) -> Heights:
     flown = [look_at(np.array([0.0, 0.0, 50.0]), np.array([0.0, way, 0.0])) for way in (-1.0, 1.0)]  # to and fro
-    up = fit_up(points, np.stack(flown), _THICKNESS_M, np.random.default_rng(0))
+    up = fit_up(points, up_from_cameras(np.stack(flown)), _THICKNESS_M, np.random.default_rng(0))
     offset = ground_height(points @ up)
     return lambda xy: (offset - xy @ up[:2]) / up[2]
 

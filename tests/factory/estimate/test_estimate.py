@@ -245,7 +245,10 @@ def test_all_together_is_the_sum_of_times_and_disk_and_the_largest_memory(tmp_pa
     assert found.total.peak_mib.likely == max(cost.peak_mib.likely for cost in costs)
 
 
-@pytest.mark.parametrize(("photos", "overrides", "folds"), [(20, (), 2), (60, (), 1), (60, ("grouping.folds=4",), 4)])
+@pytest.mark.parametrize(
+    ("photos", "overrides", "folds"),
+    [(20, (), 2), (38, (), 2), (40, (), 1), (60, (), 1), (60, ("grouping.folds=4",), 4)],
+)
 def test_all_together_counts_the_folds_that_are_likely(photos: int, overrides: tuple[str, ...], folds: int) -> None:
     config = scene_config("tiny", overrides)
     missing = list(steps(FROM_TOWN, {}))
