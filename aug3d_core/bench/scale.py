@@ -37,7 +37,7 @@ PHOTOS, LENGTH_M, WIDTH_M = 60, 220.0, 130.0  # of the preset's own town
 MOST, MOST_MATCHING = 2.2, 2.5  # times the processor time for twice the photographs
 SEEN_TOGETHER = 50  # points
 _ROUNDS = 4  # a larger flight has less of an edge
-NEIGHBOURS = 20  # that a photograph looks most like: some are each other's
+NEIGHBOURS = 32  # that a photograph looks most like: as most are each other's, they come to some 18 pairs a photograph
 PAIRS = 20.0
 
 
