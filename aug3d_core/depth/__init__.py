@@ -1,7 +1,6 @@
 """Poses and images -> a depth and a normal map for each photograph, and the points that several agree on.
 
 cameras       pinhole cameras at the size of the depth maps (plain numpy)
-rows          the observations of each view, and of each point (plain numpy)
 sources       which photographs each one is compared with (plain numpy)
 ranges        how near and far, how low and high each photograph sees (plain numpy)
 planes        the planes to try, no more than the photographs can tell apart (plain numpy)

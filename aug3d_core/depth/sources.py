@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from aug3d_core.depth.rows import Rows
+from aug3d_core.geometry.rows import Rows
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Points, Tracks, Views
 

@@ -34,11 +34,11 @@ from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.patch_match import check_patch_match, patch_match
 from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
-from aug3d_core.depth.rows import Rows
 from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, mask_maps, write_patch_match_list, write_workspace
 from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.masks import used_pixels
+from aug3d_core.geometry.rows import Rows
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name

@@ -14,9 +14,9 @@ from PIL import Image
 
 from aug3d_core.depth.cameras import camera_of
 from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
-from aug3d_core.depth.rows import Rows
 from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.geometry.masks import used_pixels
+from aug3d_core.geometry.rows import Rows
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aug3d_core.depth.rows import Rows
+from aug3d_core.geometry.rows import Rows
 
 
 @pytest.mark.parametrize("keys", [[3], [0], [7], [5], [6, 2, 0], [], [*range(8)]])
