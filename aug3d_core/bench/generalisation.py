@@ -95,11 +95,10 @@ def _judged(store: Store, datasets: list[Record], model: Source, make: Make) -> 
     """Return the scores of a model on the test of every fold."""
     config = EvaluationConfig(input_views=INPUT_VIEWS, panels=0, flythrough_frames=0)
     tables = []
-    for fold, data in enumerate(datasets):
+    for data in datasets:
         sources = {"dataset": source_of(store, data), "training": model}
         trial = tried(single(EVALUATION, config, sources, make))
-        views = pd.read_parquet(store.file(trial.records["evaluation"], TEST_VIEWS))
-        tables.append(views.assign(group=views["group"] + 1000 * fold))
+        tables.append(pd.read_parquet(store.file(trial.records["evaluation"], TEST_VIEWS)))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -28,7 +28,6 @@ from aug3d_core.training.config import TrainingConfig
 Way = Literal["never seen", "tuned", "alone"]
 WAYS: tuple[Way, ...] = ("never seen", "tuned", "alone")
 TUNED_SHARE = 0.1  # of the steps from random weights
-FOLD_GROUPS = 1000  # what tells groups of folds apart, in one table
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,7 @@ def make_cell(
         if trial.failure:
             return Generalised(cell, Trial(records, trial.failure, trial.cause, trial.at))
         evaluation = records[f"{EVALUATION.name}{_after(fold)}"] = trial.records[EVALUATION.name]
-        views = pd.read_parquet(store.file(evaluation, TEST_VIEWS))
-        tables.append(views.assign(group=views["group"] + FOLD_GROUPS * fold))
+        tables.append(pd.read_parquet(store.file(evaluation, TEST_VIEWS)))
     judged = Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
     poses = made.members[arm.scene].poses
     return judged if arm.way != "never seen" or poses is None else _previewed(store, judged, poses, make)
