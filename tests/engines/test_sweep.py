@@ -14,6 +14,7 @@ from aug3d_core.dataset.scene import no_fine_images
 from aug3d_core.dataset.warp import Inputs, Target, lookup
 from aug3d_core.heads.head import build
 from aug3d_core.heads.sweep.config import SweepConfig
+from aug3d_core.heads.sweep.head import _reshaped
 from aug3d_core.heads.sweep.network import Given, PlaneConv, _filled
 from aug3d_core.judging.cheap_answers import ground_homography
 from tests.toy_scene import toy_scene
@@ -233,6 +234,18 @@ def test_a_scaffold_with_holes_is_used_around_them(scene):
     assert np.isfinite(view.depth).all() and (view.depth > 0).all()
     whole = model.predict(scene, int(members[0]), members[1:4])
     assert np.allclose(view.depth[26:], whole.depth[26:], rtol=1e-2)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_a_hole_of_a_scaffold_has_no_say_in_the_heights_about_it(seed):
+    """In a hole the height is that of the camera: spread, it would stand about the hole like a wall."""
+    heights = torch.rand((20, 30), generator=torch.Generator().manual_seed(seed))
+    known = torch.ones_like(heights, dtype=torch.bool)
+    known[5:9, 10:18] = known[:, 28:] = False
+    whole = _reshaped(heights, torch.ones_like(known), torch.Generator().manual_seed(seed))
+    found = _reshaped(torch.where(known, heights, 50.0), known, torch.Generator().manual_seed(seed))
+    assert found[known].min() >= 0 and found[known].max() <= 1
+    assert torch.allclose(found[:, :1], whole[:, :1])  # far from any
 
 
 def test_a_target_that_looks_at_the_sky_is_predicted_and_marked(scene):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -128,7 +128,7 @@ class SweepHead(Head):
         missing, and smooth waves.
         """
         target = Target.of(scene, view, window, self.device)
-        heights = _reshaped(target.height_of(depth), noise)
+        heights = _reshaped(target.height_of(depth), depth > 0, noise)
         cells = [max(side // _WAVE_PX, 2) for side in depth.shape]
         waves = (
             torch.randn((1, 1, *cells), generator=noise).to(self.device) * _OFF * torch.rand((), generator=noise).item()
@@ -212,18 +212,25 @@ class SweepHead(Head):
         return on_device(array, self.device)
 
 
-def _reshaped(heights: Float[Tensor, "h w"], noise: torch.Generator | None) -> Float[Tensor, "h w"]:
-    """Return heights as a mesh may have them: as they are, wider, narrower, smooth, or without what is small."""
+def _reshaped(
+    heights: Float[Tensor, "h w"], known: Bool[Tensor, "h w"], noise: torch.Generator | None
+) -> Float[Tensor, "h w"]:
+    """Return heights as a mesh may have them: as they are, wider, narrower, smooth, or without what is small.
+
+    Those that are not known have no say, and come out as anything.
+    """
     reach = 1 + _drawn(_MOST_PX, noise)
+    kernel = (2 * reach + 1, 1, reach)
 
     def widest(x: Tensor) -> Tensor:
-        return F.max_pool2d(x, 2 * reach + 1, 1, reach)
+        return F.max_pool2d(torch.where(known, x, -torch.inf), *kernel)
 
     def narrowest(x: Tensor) -> Tensor:
         return -widest(-x)
 
     def smooth(x: Tensor) -> Tensor:
-        return F.avg_pool2d(x, 2 * reach + 1, 1, reach, count_include_pad=False)
+        share = F.avg_pool2d(known[None].float(), *kernel).clamp(min=1e-6)
+        return F.avg_pool2d(torch.where(known, x, 0.0), *kernel) / share
 
     ways = (lambda x: x, widest, narrowest, smooth, lambda x: smooth(widest(narrowest(x))))
     return ways[_drawn(len(ways), noise)](heights[None])[0]
