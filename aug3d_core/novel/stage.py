@@ -98,5 +98,10 @@ def _notes(view: NovelView, config: PredictionConfig) -> tuple[str, ...]:
 def _like_notes(view: NovelView, config: PredictionConfig) -> tuple[str, ...]:
     if config.like is None:
         return ()
-    trained = SPLITS[view.scene.splits[row_of(view.scene, config.like)]] == "train"
-    return (f"the model was trained with photo {config.like}: this is no test of it",) if trained else ()
+    row = row_of(view.scene, config.like)
+    split = SPLITS[view.scene.splits[row]]
+    if split == "train":
+        return (f"the model was trained with photo {config.like}: this is no test of it",)
+    if split != "target" and view.scene.scaffold[row].any():
+        return (f"the mesh that the model starts from was made with photo {config.like}: this is no test of it",)
+    return ()
