@@ -20,6 +20,7 @@ from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Usage, besides, usage
 from flows.refusal import typed_errors
+from flows.summary import command
 
 if TYPE_CHECKING:
     from aug3d_core.store.sweep import Loose, Sweep
@@ -102,7 +103,10 @@ def _ask(store: Store, scene: str, goes: Sequence[Waste | Loose], as_json: bool)
     console = Console()
     console.print(_waste_table(f"all of {scene}", goes))
     if scene in read_each(store):
-        console.print(f"it stays in the registry, to be made again: aug3d scenes remove {scene}", highlight=False)
+        remove = command(store.root, "scenes", "remove", scene)
+        console.print(
+            f"it stays in the registry, to be made again; to end that: {remove}", highlight=False, soft_wrap=True
+        )
     typer.confirm("Drop all of this? What MLflow holds of it stays.", abort=True)
 
 
@@ -140,7 +144,9 @@ def _tell(store: Store, goes: Plan, there: Sweep | None, free_before: int, as_js
             " may go on from them; --keep-hours 0 drops them"
         )
     if strays:
-        lines.append(f"not in the registry: {', '.join(strays)}; aug3d gc --scene NAME drops all of one")
+        lines.append(
+            f"not in the registry: {', '.join(strays)}; {command(store.root, 'gc', '--scene', 'NAME')} drops all of one"
+        )
     for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
     if there:

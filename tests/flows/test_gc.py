@@ -45,7 +45,7 @@ def test_a_dry_run_tells_by_scene_and_stage_and_drops_nothing(store: Store) -> N
     assert ["demo", "sfm", "1", "2.0"] in cells and ["demo", "version", "1", "0.0"] in cells
     assert ["together", "", "2", "2.0"] in cells and ["demo", "4", "0", "8.0", "0.0"] in cells
     assert "what would go" in done.output and "--keep-hours 0 drops them" in done.output
-    assert "not in the registry: demo; aug3d gc --scene NAME" in done.output
+    assert "not in the registry: demo;" in done.output and "aug3d gc --scene NAME --home" in done.output
 
 
 def test_a_collection_of_the_registry_is_no_stray(store: Store) -> None:
@@ -88,7 +88,7 @@ def test_a_whole_scene_goes_only_after_a_yes(store: Store) -> None:
 def test_a_scene_of_the_registry_is_said_to_stay_there(store: Store) -> None:
     (store.root / "scenes" / "demo.yaml").write_text("photos: null\n")
     told = invoke("--scene", "demo", "--home", store.root, says="n\n").output
-    assert "it stays in the registry" in told and "aug3d scenes remove demo" in told
+    assert "it stays in the registry" in told and "aug3d scenes remove demo --home" in told
     assert "not in the registry" not in invoke("--dry-run", "--home", store.root).output
 
 
