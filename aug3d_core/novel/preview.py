@@ -138,10 +138,11 @@ def inputs_of(scene: Scene, target: int, count: int) -> Int[np.ndarray, " v"]:
 
 
 def _ground_depth(scene: Scene, view: int) -> Float[np.ndarray, "h w"]:
-    """Return the depth of the ground plane in a view; 0 where it shows none."""
+    """Return the depth of the ground plane in a view, as far as a scaffold can tell; 0 where it shows none."""
     rays = view_rays(scene, view, slab_bounds=False)
     depth = scene.slab.meet(rays.origins, rays.directions, 0.0)
-    return np.where(np.isfinite(depth), depth, 0.0).reshape(scene.height_px, scene.width_px)
+    depth = np.where(np.isfinite(depth), np.minimum(depth, np.finfo(np.float16).max), 0.0)
+    return depth.reshape(scene.height_px, scene.width_px)
 
 
 def across(scene: Scene, frames: int) -> Float[np.ndarray, "f 4 4"]:
