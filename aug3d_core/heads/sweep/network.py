@@ -23,6 +23,7 @@ _LEAST_SPREAD, _MOST_SPREAD = 0.5, 0.25  # of the fine planes: of a coarse step,
 _BEYOND = 1.5  # spreads that the fine planes reach to either side
 _SLOPE = 0.1  # of rectifiers below 0
 _LEAST_ALPHA = 0.5  # of an input, from which it shows something
+_ASIDE = 0.01  # 1 - cosine, 8 degrees: inputs that look at a point from less far beside the target are about as good
 _SCAFFOLD_SPREAD = 0.03  # of the slab: how far off a scaffold is taken to be
 
 
@@ -291,12 +292,14 @@ class Blend(nn.Module):
         mean_each, most = _mean(each, seen_half), each.amax(dim=0, keepdim=True)
         together = self.own(each) + self.of_all(torch.cat([mean_each, most], dim=1))
         votes = _resized(self.vote(F.leaky_relu(together, _SLOPE)), seen)
-        weight = (votes + torch.log(seen + 1e-4) - torch.log(angle + 0.01)).softmax(dim=0)
+        weight = (votes + torch.log(seen + 1e-4) - torch.log(angle + _ASIDE)).softmax(dim=0)
         some = seen.amax(dim=0)
         colour = _filled((colours * weight).sum(dim=0), some)
         x = self.enter(_channels_last(torch.cat([_resized(mean_each, seen)[0], colour * 2 - 1, some])[None]))
         deep = _resized(self.up(self.deep(self.down(x))), x)
-        return colour + self.leave(x + deep)[0], some[0] > 0
+        # An input beside the target shows what is there: what is learned of renders would make a photograph too sharp
+        aside = torch.where(seen > 0, angle, torch.ones_like(angle)).amin(dim=0)
+        return colour + self.leave(x + deep)[0] * (aside / (aside + _ASIDE)), some[0] > 0
 
 
 def _mean(values: Float[Tensor, "v c *n"], seen: Float[Tensor, "v 1 *n"]) -> Float[Tensor, "1 c *n"]:
