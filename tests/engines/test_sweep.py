@@ -89,6 +89,22 @@ def test_finer_inputs_bring_the_blend_nearer_to_the_target(scene):
         assert (fine[shown] ** 2).mean() < (soft[shown] ** 2).mean()
 
 
+def test_an_input_that_looks_from_beside_the_target_is_what_is_shown(scene):
+    """What the last layers add counts the less, the less far beside: nothing at the target's own pose."""
+    target, aside = scene.groups["test"][0][:2]
+    model = head()
+    added = []
+    for given in (target, aside):
+        views = []
+        for size in (0.0, 10.0):
+            with torch.no_grad():
+                torch.nn.init.constant_(model.network.blend.leave.bias, size)
+            views.append(model.predict_bare(scene, int(target), np.array([given])))
+        plain, more = views
+        added.append(np.abs(more.colour.astype(float) - plain.colour)[plain.seen])
+    assert added[0].max() <= 1 and added[1].mean() > 20
+
+
 def blended_error(scene, target, views):
     """Return how far the blend at the true depth is from a photograph, and where any input shows it."""
     network, rays = head().network, Target.of(scene, target, WHOLE, CPU)
