@@ -29,7 +29,7 @@ def listed_points(file: Path, photos: Sequence[Glance]) -> Listed:
     """Read a list as the photos stage will."""
     from aug3d_core.photos.control import read_control  # with GDAL, which most folders do without
 
-    sizes = pd.DataFrame([photo.size_px for photo in photos], columns=["width_px", "height_px"])
+    sizes = pd.DataFrame([photo.original_size for photo in photos], columns=["width_px", "height_px"])
     table = sizes.assign(
         photo_id=range(len(photos)),
         name=[photo.name for photo in photos],

@@ -19,7 +19,7 @@ PRESETS = ("tiny", "small")
 
 def costs_of(survey: Survey, calibration: Calibration) -> Mapping[str, Cost]:
     """Return what a whole run takes, by preset."""
-    pixels = median(photo.size_px[0] * photo.size_px[1] for photo in survey.photos)
+    pixels = median(photo.original_size[0] * photo.original_size[1] for photo in survey.photos)
     size = SceneSize(len(survey.photos), float(pixels), survey.ground is not None)
     steps = [Step(stage) for stage in Material(photos=survey.folder).stages()]
     costs = {}

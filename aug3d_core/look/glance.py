@@ -32,12 +32,12 @@ _WHITE = 250  # of 255: no detail above it
 class Glance(Sketch):
     """A photograph that can be used.
 
-    size_px: as stored. brightness: mean of the grey picture in [0, 1]. white: share of it without detail. thumbnail: a JPEG
-    file. The small copy has LOOKED_AT_PX.
+    original_size: as stored. brightness: mean of the grey picture in [0, 1]. white: share of it without detail. thumbnail: a
+    JPEG file. The small copy has LOOKED_AT_PX.
     """
 
     name: str
-    size_px: tuple[int, int]
+    original_size: tuple[int, int]
     exif: Exif
     attitude: Attitude
     sha256: str
@@ -78,9 +78,9 @@ def _glance(path: Path, name: str, least_px: int, budget: MemoryBudget) -> Glanc
     if shown(name) != name:
         raise PictureError("name: not UTF-8; rename the file")
     with opened_picture(path) as (file, image), ExitStack() as held:
-        size_px = image.size
-        if min(size_px) < least_px:
-            raise PictureError(f"tiny: {size_px[0]}x{size_px[1]} px, shortest side under {least_px} px")
+        original_size = image.size
+        if min(original_size) < least_px:
+            raise PictureError(f"tiny: {original_size[0]}x{original_size[1]} px, shortest side under {least_px} px")
         attitude = read_attitude(image)
         at = file.tell()
         file.seek(0)
@@ -88,7 +88,7 @@ def _glance(path: Path, name: str, least_px: int, budget: MemoryBudget) -> Glanc
         file.seek(at)
         image.draft("RGB", _DECODED_PX)
         take_memory(image, budget, held)
-        exif = read_exif(image, size_px)
+        exif = read_exif(image, original_size)
         pixels = rgb_of(image)
     pixels.thumbnail((LOOKED_AT_PX, LOOKED_AT_PX), Image.Resampling.BOX)
     grey = np.asarray(pixels.convert("L"))
@@ -97,7 +97,7 @@ def _glance(path: Path, name: str, least_px: int, budget: MemoryBudget) -> Glanc
     return Glance(
         **vars(sketch_of(grey)),
         name=name,
-        size_px=size_px,
+        original_size=original_size,
         exif=exif,
         attitude=attitude,
         sha256=sha256,

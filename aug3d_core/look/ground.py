@@ -159,7 +159,7 @@ def _yaws(photos: Sequence[Glance], steps: Sequence[Step], enu_m: Float[np.ndarr
 
 def _focals(photos: Sequence[Glance]) -> Float[np.ndarray, " n"]:
     """Return focal lengths as shares of the width."""
-    focal = np.array([photo.exif.focal_px / photo.size_px[0] for photo in photos])
+    focal = np.array([photo.exif.focal_px / photo.original_size[0] for photo in photos])
     known = focal[np.isfinite(focal)]
     return np.where(np.isfinite(focal), focal, np.median(known) if len(known) else _USUAL_FOCAL)
 
@@ -189,7 +189,7 @@ def _corners(
     ahead = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=-1)
     right = np.stack([np.cos(yaw), -np.sin(yaw), np.zeros_like(yaw)], axis=-1)
     down = np.cross(ahead, right)
-    tall = np.array([photo.size_px[1] / photo.size_px[0] for photo in photos])
+    tall = np.array([photo.original_size[1] / photo.original_size[0] for photo in photos])
     focal = _focals(photos)
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
     rays = ahead[:, None] * focal[:, None, None] + right[:, None] * signs[:, :1]

@@ -68,7 +68,7 @@ def _badge(weight: str) -> str:
 
 
 def _facts(survey: Survey) -> str:
-    sizes = sorted({photo.size_px for photo in survey.photos})
+    sizes = sorted({photo.original_size for photo in survey.photos})
     times = [photo.exif.time for photo in survey.photos if photo.exif.time]
     facts = [("photographs", f"{len(survey.photos):,}"), ("size", ", ".join(f"{w} x {h} px" for w, h in sizes[:3]))]
     if times:
@@ -205,7 +205,8 @@ def _pictures(survey: Survey) -> str:
         photo = survey.photos[i]
         says = [word for word, so in (("blurred", soft[i]), ("exposure", unlike[i]), ("position", wild[i])) if so]
         source = data_uri("image/jpeg", photo.thumbnail)
-        image = f'<img src="{source}" alt="{escape(photo.name)}" style="aspect-ratio:{photo.size_px[0]}/{photo.size_px[1]}">'
+        width, height = photo.original_size
+        image = f'<img src="{source}" alt="{escape(photo.name)}" style="aspect-ratio:{width}/{height}">'
         caption = escape(photo.name) + (f" {tag('span', ', '.join(says), class_='bad')}" if says else "")
         figures.append(tag("figure", image + tag("figcaption", caption), id=f"p{i}"))
     left = int((~shown).sum())

@@ -16,6 +16,7 @@ from aug3d_core.look.ground import Ground, ground_of
 from aug3d_core.look.neighbours import Step, steps_between
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.discover import find_photos
+from aug3d_core.photos.foreign import foreign_pictures
 from aug3d_core.photos.stage import capture_order, require_some
 
 
@@ -55,7 +56,9 @@ def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey
     seen, unusable = glances(folder, found.names, PhotosConfig().min_px, progress)
     first: dict[str, str] = {}
     same = {one.name: first[one.sha256] for one in seen if first.setdefault(one.sha256, one.name) != one.name}
-    photos = capture_order([one for one in seen if one.name not in same])
+    foreign = foreign_pictures([one for one in seen if one.name not in same])
+    unusable |= foreign
+    photos = capture_order([one for one in seen if one.name not in same | foreign])
     steps = steps_between(photos)
     masked = [photo.name for photo in photos if photo.name in found.masks]
     ground = ground_of(photos, steps)

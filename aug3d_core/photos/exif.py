@@ -16,6 +16,7 @@ from PIL import ExifTags, Image
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
 _FIRST_YEAR, _LAST_YEAR = 1900, 2200  # a year outside is damage, and some tables cannot hold it
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+_UNNAMED = "unknown"
 _WIDEST_SENSOR = 1.55  # aspect above which a frame is a full-width crop of a 4:3 sensor, not a sensor's own shape
 
 
@@ -34,6 +35,12 @@ class Exif:
     alt_m: float
     time: datetime | None
     orientation: int
+
+    @property
+    def silent(self) -> bool:
+        """Whether it says nothing that only a camera knows."""
+        unnamed = self.camera.startswith(f"{_UNNAMED} ")
+        return unnamed and self.time is None and self.focal_source == "none" and math.isnan(self.lat_deg)
 
 
 def read_exif(image: Image.Image, stored_size: tuple[int, int]) -> Exif:
@@ -132,7 +139,7 @@ def _time(exif: Any, detail: Any) -> datetime | None:
 def _camera(exif: Any, detail: Any, size: tuple[int, int]) -> str:
     """Name the camera by make, model, serial number, size and the lens's focal length."""
     focal_mm = _number(detail.get(ExifTags.Base.FocalLength))
-    parts = [_text(exif.get(ExifTags.Base.Make)), _text(exif.get(ExifTags.Base.Model)) or "unknown"]
+    parts = [_text(exif.get(ExifTags.Base.Make)), _text(exif.get(ExifTags.Base.Model)) or _UNNAMED]
     parts += [
         _text(detail.get(ExifTags.Base.BodySerialNumber)),
         f"{size[0]}x{size[1]}",

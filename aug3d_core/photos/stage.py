@@ -19,6 +19,7 @@ from aug3d_core.photos.decode import Decoded, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
 from aug3d_core.photos.exif import Exif
 from aug3d_core.photos.files import CONTACT_SHEET, CONTROL_TABLE, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
+from aug3d_core.photos.foreign import foreign_pictures
 from aug3d_core.photos.masks import mask_notes, write_masks
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
@@ -37,7 +38,8 @@ def run(inputs: Inputs, config: PhotosConfig, out: Path, progress: Progress) -> 
     (out / PHOTO_IMAGES).mkdir(parents=True, exist_ok=True)
     usable, rejected = _decode_all(folder, found, config, out, progress)
     usable, duplicates = drop_duplicates(usable)
-    rejected += duplicates
+    usable, foreign = _drop_foreign(usable)
+    rejected += duplicates + foreign
     _require_enough(folder, found, config, usable, rejected)
     usable, redundant = _distinct(capture_order(usable), config)
     files = [photo.copy.rename(out / PHOTO_IMAGES / image_name(i)) for i, photo in enumerate(usable)]
@@ -72,6 +74,14 @@ def drop_duplicates(photos: Iterable[Decoded]) -> tuple[list[Decoded], Rejected]
             rejected.append((photo.name, f"duplicate: same {same} as {first.name}"))
             photo.copy.unlink()
     return list(kept.values()), rejected
+
+
+def _drop_foreign(photos: list[Decoded]) -> tuple[list[Decoded], Rejected]:
+    foreign = foreign_pictures(photos)
+    for photo in photos:
+        if photo.name in foreign:
+            photo.copy.unlink()
+    return [photo for photo in photos if photo.name not in foreign], list(foreign.items())
 
 
 @runtime_checkable

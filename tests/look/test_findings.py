@@ -57,9 +57,10 @@ def test_damaged_tiny_and_repeated_files_are_named(tmp_path: Path) -> None:
     folder = take(tmp_path, lines(5))
     (folder / "broken.jpg").write_bytes((folder / "shot_000.jpg").read_bytes()[:900])
     Image.new("L", (20, 20)).save(folder / "icon.png")
+    Image.new("L", (500, 300)).save(folder / "map.png")
     shutil.copy(folder / "shot_001.jpg", folder / "shot_zz.jpg")
     unusable, same = found(folder)
-    assert unusable.weight == "warn" and set(unusable.names) == {"broken.jpg", "icon.png"}
+    assert unusable.weight == "warn" and set(unusable.names) == {"broken.jpg", "icon.png", "map.png"}
     assert same.weight == "note" and same.names == ("shot_zz.jpg",)
 
 

@@ -134,6 +134,16 @@ def test_bad_photographs_are_listed_and_left_out(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "out" / "images").iterdir()) == [f"{i:06d}.png" for i in range(4)]
 
 
+def test_an_orthophoto_beside_the_photographs_is_left_out_and_does_not_disturb_their_order(tmp_path: Path) -> None:
+    for name, time in (("b.jpg", "10:00:00"), ("a.jpg", "10:00:01"), ("c.jpg", "10:00:02")):
+        write_photo(tmp_path / "in" / "images" / name, ord(name[0]), detail=at(time))
+    write_photo(tmp_path / "in" / "reference" / "orthophoto.jpg", 9, (500, 300))
+    outcome = take_in(tmp_path / "in", tmp_path / "out")
+    assert read_photos(tmp_path / "out")["name"].tolist() == ["images/b.jpg", "images/a.jpg", "images/c.jpg"]
+    assert rejected(tmp_path / "out")["reference/orthophoto.jpg"].startswith("no photograph: ")
+    assert len(list((tmp_path / "out" / "images").iterdir())) == outcome.metrics["photos"] == 3
+
+
 def test_a_name_that_is_not_utf_8_is_left_out_and_shown(tmp_path: Path) -> None:
     for i in range(3):
         write_photo(tmp_path / "in" / f"m\u00fcggelsee {i}.png", i)
