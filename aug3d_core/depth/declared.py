@@ -22,7 +22,7 @@ DEPTH = Stage(
         lower="seconds_per_photo",
         neither="photos engine depth_width_px points baseline_points tiles baseline_tiles planes_median planes_reason",
     ),
-    decidable=("max_px", "plane_step_px"),
+    decidable=("max_px",),
     resumable=True,
     shards=("raw/[!.]*.bin", "raw/[!.]*.planes", "workspace/stereo/*_maps/[!.]*", f"{FUSED_TILES}/*/[!.]*.npz"),
     assist="aug3d_core.depth.stage:assist",

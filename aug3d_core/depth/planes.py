@@ -1,7 +1,9 @@
 """Families of parallel planes to try, no more than the photographs can tell apart. Plain numpy.
 
 A family is a normal n in the reference camera's frame and a range of distances d: the planes are n . X = d, so that the
-depth at a pixel with ray r (z = 1) is d / (n . r). Distances step evenly in 1/d, which moves a source pixel evenly.
+depth at a pixel with ray r (z = 1) is d / (n . r). Each step moves the pixels that the sources show by as much. Even steps of
+1 / d do so only for cameras side by side: between cameras that look at one place from all around, a pixel crawls at one end of
+the range and races out of the picture at the other.
 """
 
 from __future__ import annotations
@@ -14,8 +16,10 @@ from jaxtyping import Float
 from aug3d_core.depth.cameras import Camera, relative_pose
 
 MOST_PLANES = 1024  # a source that nearly touches what it sees would ask for any number
-_PROBES = 5  # pixels along each side of the reference at which shifts are measured
-_STEPS = 32
+_FEWEST_PLANES = 3
+_PROBES = 9  # pixels along each side of the reference at which shifts are measured
+_PARTS = 128  # of the range, in each of which they are
+_USUAL_PCT = 90.0  # of the probes that a source shows
 
 
 @dataclass(frozen=True)
@@ -40,21 +44,31 @@ def make_family(
     step_px: float,
 ) -> Family:
     """Return planes from `farthest` to `nearest`, no source pixel moving more than `step_px` between two."""
-    inverse = np.linspace(1 / farthest, 1 / nearest, _STEPS + 1)
-    path = max(_path_px(reference, source, normal, inverse) for source in sources)
-    count = int(np.clip(np.ceil(path / step_px) + 1, 3, MOST_PLANES))
-    return Family(normal, np.linspace(1 / farthest, 1 / nearest, count))
+    inverse = np.linspace(1 / farthest, 1 / nearest, _PARTS + 1)
+    moved = np.max([_moved_px(reference, source, normal, inverse) for source in sources], axis=0)
+    moved = np.maximum(moved, (_FEWEST_PLANES - 1) * step_px / _PARTS)  # what no source shows is passed in a few planes
+    path = np.concatenate([[0.0], np.cumsum(moved)])
+    count = int(np.clip(np.ceil(path[-1] / step_px) + 1, _FEWEST_PLANES, MOST_PLANES))
+    return Family(normal, np.interp(np.linspace(0.0, path[-1], count), path, inverse))
 
 
-def _path_px(reference: Camera, source: Camera, normal: np.ndarray, inverse: np.ndarray) -> float:
-    """Return how far a source pixel travels over the whole range: 90th percentile over the reference's pixels."""
-    rays = reference.rays[:: max(1, reference.height // _PROBES), :: max(1, reference.width // _PROBES)].reshape(-1, 3)
+def _moved_px(
+    reference: Camera, source: Camera, normal: Float[np.ndarray, " 3"], inverse: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k-1"]:
+    """Return how far a pixel that the source shows travels from each plane to the next; 0 where it shows none."""
+    rows, columns = (np.linspace(0, side - 1, _PROBES).astype(int) for side in (reference.height, reference.width))
+    rays = reference.rays[rows][:, columns].reshape(-1, 3)
     rotation, translation = relative_pose(reference, source)
     depth = 1 / (inverse[:, None] * (rays @ normal))
     points = (depth[..., None] * rays) @ rotation.T + translation
-    ahead = (points[..., 2] > 0).all(axis=0) & (depth > 0).all(axis=0)
-    if not ahead.any():
-        return 0.0
-    pixels = points[:, ahead, :2] / points[:, ahead, 2:] * source.intrinsics[:2]
-    length = np.linalg.norm(np.diff(pixels, axis=0), axis=-1) * len(inverse[1:])
-    return float(np.percentile(length.max(axis=0), 90))
+    ahead = (points[..., 2] > 0) & (depth > 0)
+    at_px = (
+        points[..., :2] / np.where(ahead, points[..., 2], 1.0)[..., None] * source.intrinsics[:2]
+        + source.intrinsics[2:]
+    )
+    shown = ahead & (at_px >= 0).all(axis=-1) & (at_px <= [source.width, source.height]).all(axis=-1)
+    length = np.linalg.norm(np.diff(at_px, axis=0), axis=-1)
+    counts = (shown[1:] | shown[:-1]) & ahead[1:] & ahead[:-1]
+    return np.array(
+        [np.percentile(px[one], _USUAL_PCT) if one.any() else 0.0 for px, one in zip(length, counts, strict=True)]
+    )

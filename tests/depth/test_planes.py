@@ -34,6 +34,32 @@ def test_adjacent_planes_move_a_source_pixel_by_at_most_the_bound(size: int) -> 
     assert shifts.max() > 0.8 * STEP_PX, "no more planes than the bound asks for"
 
 
+def test_cameras_all_around_a_place_need_no_more_planes_than_pixels_can_tell_apart() -> None:
+    """Near the source's own height a pixel races, but there the source does not show it any more."""
+    reference, source = (
+        Camera(look_at(np.array([x, -60.0, 40.0]), np.zeros(3)), np.array([300.0, 300.0, 192.0, 144.0]), 384, 288)
+        for x in (-45.0, 45.0)
+    )
+    family = make_family(reference, [source], np.array([0.0, 0.0, 1.0]), 8.0, 300.0, STEP_PX)
+    diagonal_px = np.hypot(384, 288)
+    assert len(family.inverse_distance) < 2 * diagonal_px / STEP_PX
+    rays = reference.rays[::24, ::24].reshape(-1, 3)
+    rotation, translation = relative_pose(reference, source)
+    there = (rays / family.inverse_distance[:, None, None]) @ rotation.T + translation
+    at_px = there[..., :2] / there[..., 2:] * 300.0 + [192.0, 144.0]
+    shown = (there[..., 2] > 0) & (at_px >= 0).all(axis=-1) & (at_px <= [384, 288]).all(axis=-1)
+    moved = np.linalg.norm(np.diff(at_px, axis=0), axis=-1)[shown[1:] & shown[:-1]]
+    assert len(moved) > 1000
+    assert np.percentile(moved, 95) <= 1.1 * STEP_PX
+    assert np.median(moved) > 0.3 * STEP_PX, "nor many more"
+
+
+def test_what_no_source_shows_is_passed_in_a_few_planes() -> None:
+    reference, behind = camera(0), camera(500)
+    family = make_family(reference, [behind], horizontal_normal(reference), 20.0, 45.0, STEP_PX)
+    assert len(family.inverse_distance) <= 4
+
+
 def test_horizontal_planes_lie_level_however_the_camera_leans() -> None:
     reference = camera(0, tilt=20.0)
     family = make_family(reference, [camera(10, tilt=20.0)], horizontal_normal(reference), 30.0, 45.0, STEP_PX)

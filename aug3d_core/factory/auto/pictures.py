@@ -7,15 +7,12 @@ more than those did: poses are far finer than a pixel of either.
 from __future__ import annotations
 
 from aug3d_core.factory.auto.decision import Known
-from aug3d_core.groups.config import MOST_K
 from aug3d_core.run.stage import Decision
 
 FEW_PHOTOS = 40  # with fewer, a lost photograph costs more than smaller photographs save in time
 _PHOTO_OVER_VIEW = 3
 _LEAST_PHOTO_PX = 576
-_DEPTH_OVER_VIEW, _DEPTH_OVER_VIEW_ALONE = 2.0, 1.5
-_LEAST_DEPTH_PX, _LEAST_DEPTH_PX_ALONE = 288, 192
-_PLANE_STEP_PX = 4.0  # between planes depth is interpolated
+_DEPTH_OVER_VIEW, _LEAST_DEPTH_PX = 2, 288
 _LEAST_MOTION = 0.05  # of the width: along a flight line 20 photographs then see each point
 _TEXELS_PER_PIXEL = 2.5  # domes may stand nearer than photographs did: sampling.min_sampling_ratio
 
@@ -75,43 +72,17 @@ def first_octave(known: Known) -> Decision | None:
 
 
 def depth_px(known: Known) -> Decision:
-    """Make depth maps a few times larger than the views, less where nothing is rendered, never larger than the photographs."""
-    preset, width, k = known.config.depth.max_px, known.config.dataset.width_px, known.figure("grouping", "k")
-    alone = k == MOST_K
-    times = _DEPTH_OVER_VIEW_ALONE if alone else _DEPTH_OVER_VIEW
-    least = _LEAST_DEPTH_PX_ALONE if alone else _LEAST_DEPTH_PX
-    value = min(max(round(times * width), least), known.photo_px)
-    why = f"; groups of {MOST_K} need no rendered views" if alone else ""
+    """Make depth maps a few times larger than the views, never larger than the photographs."""
+    preset, width = known.config.depth.max_px, known.config.dataset.width_px
+    value = min(max(_DEPTH_OVER_VIEW * width, _LEAST_DEPTH_PX), known.photo_px)
     return Decision(
         field="depth.max_px",
         value=value,
-        measured=f"views of {width} px; photographs of {known.photo_px} px; groups of {k or 0:.0f}",
-        rule=f"{times:g} times the views' width, at least {least} px, at most the size of the photographs{why}",
+        measured=f"views of {width} px; photographs of {known.photo_px} px",
+        rule=f"{_DEPTH_OVER_VIEW} times the views' width, at least {_LEAST_DEPTH_PX} px, at most the size of the photographs",
         saves=f"{1 - (value / preset) ** 2:.0%} of the pixels of a depth map of {preset} px" if value < preset else "",
-        costs=_depth_costs(alone) if value < preset else "",
-    )
-
-
-def _depth_costs(nothing_rendered: bool) -> str:
-    if nothing_rendered:
-        return (
-            "on the town the mesh at the test cameras (96 px) fell from 26.9 to 25.8 dB with 192 px instead of 288 px"
-        )
-    return "on the town the F-score of the mesh at 0.5 % of the extent fell from 0.973 to 0.944 with 256 px instead of 512 px"
-
-
-def plane_step(known: Known) -> Decision:
-    """Search depth with planes further apart than those of the preset."""
-    preset = known.config.depth.plane_step_px
-    value = max(_PLANE_STEP_PX, preset)
-    return Decision(
-        field="depth.plane_step_px",
-        value=value,
-        measured="depth is interpolated between planes",
-        rule=f"{_PLANE_STEP_PX:g} px of parallax between planes",
-        saves=f"{1 - preset / value:.0%} of the planes" if value > preset else "",
-        costs="on the town the F-score of the mesh fell from 0.921 to 0.913 with depth maps of 192 px, by 0.0002 with 512 px"
-        if value > preset
+        costs="on the town the F-score of the mesh at 0.5 % of the extent fell from 0.973 to 0.944 with 256 instead of 512 px"
+        if value < preset
         else "",
     )
 

@@ -18,7 +18,6 @@ RULES: Mapping[str, Rule] = {
     "photos.least_motion": pictures.least_motion,
     "matching.first_octave": pictures.first_octave,
     "depth.max_px": pictures.depth_px,
-    "depth.plane_step_px": pictures.plane_step,
     "surface.texel_gsd": pictures.texel,
     "sampling.width_px": pictures.view_width,
     "sampling.height_px": pictures.view_height,

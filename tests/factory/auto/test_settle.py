@@ -126,12 +126,7 @@ def test_pictures_are_as_fine_as_the_views_that_are_predicted(store: Store, tmp_
     assert few.config == scene_config(AUTO).photos, "few photographs keep all they have"
     assert "12 photographs" in few.decisions[0].measured
     assert settled(store, "depth").max_px == 512 and settled(store, "depth", *NERF).max_px == 288
-    assert settled(store, "depth", grouping__k=10).max_px == 384, "nothing is rendered"
-    assert settled(store, "depth", "dataset.width_px=160", grouping__k=10).max_px == 240
-    assert (
-        settled(store, "depth").plane_step_px == 4
-        and settled(store, "depth", "depth.plane_step_px=6").plane_step_px == 6
-    )
+    assert settled(store, "depth", "dataset.width_px=160").max_px == 320
     assert settled(store, "surface", "photos.max_px=240").texel_gsd == 1, "never finer than the photographs"
     assert settled(store, "surface", "photos.max_px=960").texel_gsd == 1.5
     assert settled(store, "surface", *NERF, "photos.max_px=960").texel_gsd == 4
@@ -183,10 +178,10 @@ def test_depth_and_texels_are_never_finer_than_the_photographs(store: Store) -> 
 
 def test_what_smaller_depth_maps_cost_is_told_where_they_are_smaller(store: Store) -> None:
     (smaller, *_), (larger, *_) = (
-        settle(STAGES["depth"], scene_config(AUTO, [f"dataset.width_px={px}"]), made(grouping__k=10), store).decisions
+        settle(STAGES["depth"], scene_config(AUTO, [f"dataset.width_px={px}"]), made(), store).decisions
         for px in (96, 400)
     )
-    assert "25.8 dB" in smaller.costs and larger.value == 600 and not larger.costs
+    assert "0.944" in smaller.costs and larger.value == 800 and not larger.costs
 
 
 def test_samples_of_which_the_user_set_a_part_are_the_users(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
