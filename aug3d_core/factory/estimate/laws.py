@@ -132,7 +132,7 @@ class Scene:
     def planes(self) -> float:
         """The planes on which a depth map is searched: the wider it is, the more."""
         width_px = math.sqrt(self.depth_mpx * MEGA * 4 / 3)
-        return 62 * (width_px / 512) * (2 / self.config.depth.plane_step_px)
+        return 38 * (width_px / 512) * (2 / self.config.depth.plane_step_px)
 
     @cached_property
     def k(self) -> int:
