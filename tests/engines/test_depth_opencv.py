@@ -47,15 +47,45 @@ assert (both[2:, 2:] == 7).all() and (both[:2] == 9).all()
 """,
     "correlation does not mind exposure": """
 grey = np.random.default_rng(0).integers(60, 120, (50, 60)).astype(np.uint8)
-same = Reference(grey).correlation((grey * 2 + 10).astype(np.uint8))
+same = Reference(grey).correlation((grey * 2 + 10).astype(np.uint8), np.s_[0:50, 0:60])
 assert same.min() > 0.95
 """,
     "correlation is nothing beyond the image and small on a featureless field": """
 grey = np.full((50, 60), 100, np.uint8)
 warped = grey.copy()
 warped[:, :20] = 0
-score = Reference(grey).correlation(warped)
+score = Reference(grey).correlation(warped, np.s_[0:50, 0:60])
 assert (score[:, :20] == -1).all() and np.abs(score[:, 30:]).max() < 1e-3
+""",
+    "what is left out of a warp would have shown nothing": """
+from aug3d_core.depth import sweep as at_work
+rng = np.random.default_rng(3)
+def photo(eye, target, size=(96, 72)):
+    camera = Camera(look_at(np.array(eye), np.array(target)), np.array([80.0, 80.0, size[0] / 2, size[1] / 2]), *size)
+    return Photo(rng.integers(1, 256, size[::-1]).astype(np.uint8), camera)
+
+reference = photo([0.0, 0.0, 40.0], [0.0, 3.0, 0.0])
+sources = [
+    photo([15.0, 0.0, 40.0], [15.0, 0.0, 0.0]), photo([0.0, 60.0, 40.0], [0.0, 0.0, 0.0]),
+    photo([70.0, 0.0, 20.0], [0.0, 0.0, 0.0]), photo([0.0, 5.0, 35.0], [30.0, 90.0, 35.0]),
+    photo([400.0, 0.0, 40.0], [400.0, 0.0, 0.0], (60, 80)),
+]
+normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]])
+families = [at_work.Family(normal, 1 / np.linspace(60, 2, 20)) for normal in normals]
+some, places = at_work.sweep(reference, sources, families), []
+whole = at_work._part
+
+def all_of_it(to_source, source, camera):
+    rows, columns = whole(to_source, source, camera)
+    places.append((rows.stop - rows.start) * (columns.stop - columns.start) / (camera.width * camera.height))
+    return slice(0, camera.height), slice(0, camera.width)
+
+at_work._part = all_of_it
+everything = at_work.sweep(reference, sources, families)
+at_work._part = whole
+assert np.abs(some.score - everything.score).max() < 0.02, "but for the rounding of places to parts of a pixel"
+assert (some.depth == everything.depth).mean() > 0.99
+assert np.mean(places) < 0.75 and min(places) == 0 and max(places) == 1, places
 """,
     "an occluded half of the sources does not count": """
 good, bad = np.full((2, 2), 0.9, np.float32), np.full((2, 2), -0.3, np.float32)

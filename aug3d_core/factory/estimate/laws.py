@@ -222,7 +222,7 @@ def _small(seconds: float, a_photo: float, peak_mib: float, disk_mib: float) -> 
 
 
 def _depth(scene: Scene) -> Work:
-    each = 0.4 + 0.218 * scene.depth_mpx * scene.planes * scene.config.depth.sources / 6
+    each = 0.4 + 0.14 * scene.depth_mpx * scene.planes * scene.config.depth.sources / 6
     pixels = scene.mapped * scene.depth_mpx
     at_once = pixels if pixels <= _FUSED_MPX else min(pixels, _FUSED_MARGIN * _FUSED_MPX)
     return Work(
