@@ -65,7 +65,7 @@ def test_an_idle_machine_helps_with_a_step_that_takes_long(own_environment: None
     cores, digests = sorted(os.sched_getaffinity(0)), set[str]()
     for number in (1, 2):
         folder = tmp_path / str(number)
-        with team(folder, {"town": {"depth": {"max_px": 320, "plane_step_px": 0.25}}}, ()) as workers:
+        with team(folder, {"town": {"depth": {"max_px": 320, "plane_step_px": 0.1}}}, ()) as workers:
             for place in range(number):
                 workers.join(f"worker{place}", cores[place % len(cores)])
             assert workers.end_of(workers.start_all(), 3600)["type"] == "COMPLETED"
