@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TypeVar
 
 import pandas as pd
 
@@ -17,9 +17,8 @@ from aug3d_core.photos.contact_sheet import contact_sheet
 from aug3d_core.photos.decisions import decisions
 from aug3d_core.photos.decode import Decoded, decode, shown
 from aug3d_core.photos.discover import Found, find_photos, natural_key
-from aug3d_core.photos.exif import Exif
 from aug3d_core.photos.files import CONTACT_SHEET, CONTROL_TABLE, PHOTO_IMAGES, PHOTO_TABLE, REJECTED_TABLE, image_name
-from aug3d_core.photos.foreign import foreign_pictures
+from aug3d_core.photos.foreign import Seen, foreign_pictures
 from aug3d_core.photos.masks import mask_notes, write_masks
 from aug3d_core.photos.redundant import drop_redundant
 from aug3d_core.photos.table import photo_table, rejected_table
@@ -84,21 +83,10 @@ def _drop_foreign(photos: list[Decoded]) -> tuple[list[Decoded], Rejected]:
     return [photo for photo in photos if photo.name not in foreign], list(foreign.items())
 
 
-@runtime_checkable
-class Taken(Protocol):
-    """A photograph whose header was read."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def exif(self) -> Exif: ...
+_Seen = TypeVar("_Seen", bound=Seen)
 
 
-_Taken = TypeVar("_Taken", bound=Taken)
-
-
-def capture_order(photos: list[_Taken]) -> list[_Taken]:
+def capture_order(photos: list[_Seen]) -> list[_Seen]:
     """Sort by time, then by name; by name alone if any has no time, for a few times would tear the sequence apart."""
     timed = all(photo.exif.time for photo in photos)
     return sorted(photos, key=lambda photo: (photo.exif.time if timed else 0, natural_key(photo.name)))
