@@ -34,6 +34,7 @@ from aug3d_core.surface.colour import ground_sampling
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
 from aug3d_core.surface.evidence import gather
+from aug3d_core.surface.hidden import with_hidden
 from aug3d_core.surface.join import join
 from aug3d_core.surface.kept import NOTHING_KEPT, Kept
 from aug3d_core.surface.poisson import octree_depth, reconstruct
@@ -219,10 +220,12 @@ def _draw(
     """Draw the surface over `ground`, through the points of `read`; raises InputError if there is none."""
     with clock.step("evidence"):
         evidence = gather(fused)
+        max_gap = config.max_gap_spacings * evidence.spacing
+        completed = with_hidden(evidence, views, chosen, max_gap)
     with clock.step("poisson"):
-        raw = reconstruct(evidence, even=read != EVERYWHERE)
+        raw = reconstruct(completed, even=read != EVERYWHERE)
     with clock.step("trimming"):
-        fine = trim(raw, evidence, config.max_gap_spacings * evidence.spacing, config.min_piece_points, read)
+        fine = trim(raw, completed, max_gap, config.min_piece_points, read)
     if not len(fine.triangles):
         raise nothing(f"no surface stands through the {len(evidence.xyz)} fused points")
     sampling = ground_sampling(fine, views, chosen)
