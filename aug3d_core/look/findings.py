@@ -109,7 +109,7 @@ def _unusable(survey: Survey) -> Iterator[Finding]:
         yield Finding(
             "stop" if grave else "warn",
             f"{_photographs(len(survey.unusable))} cannot be used ({', '.join(reasons)}).",
-            "Copy them from the card again, or delete them.",
+            "Copy damaged ones from the card again. The rest may stay: a run leaves them out.",
             tuple(survey.unusable),
         )
     if survey.same:
