@@ -36,7 +36,8 @@ def _mesh(run: ReportedRun) -> str:
         f" {number(m.get('triangles'))} from the training photographs only. Held-out photographs against the mesh:"
         f" {tag('b', number(run.figure('surface', 'target_render_psnr_full'), 3))} dB at full size, over the"
         f" {percent(run.figure('surface', 'target_covered_share_full'), 1)} that it covers."
-        f" {percent(run.figure('surface', 'baseline_bridged_share'), 1)} of the surface bridges gaps between points."
+        f" {percent(run.figure('surface', 'baseline_bridged_share'), 1)} of the surface has no points: closed gaps, and"
+        " ground and walls that photographs do not see, which are made up."
     )
 
 
