@@ -53,15 +53,6 @@ class _Heights:
         np.minimum.at(bottom, tuple(place.T), evidence.xyz[:, 2])
         return cls(low, cell, top, bottom)
 
-    def at(
-        self, values: Float[np.ndarray, "x y"], place: Int[np.ndarray, "n 2"], beyond: float
-    ) -> Float[np.ndarray, " n"]:
-        """Return values of squares; `beyond` outside of all."""
-        inside = ((place >= 0) & (place < values.shape)).all(axis=1)
-        found = np.full(len(place), beyond)
-        found[inside] = values[tuple(place[inside].T)]
-        return found
-
     def middle(self, place: Real[np.ndarray, "n 2"], z: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         """Return points over the middles of squares; halves of a number are their edges."""
         return np.column_stack([self.low + (place + 0.5) * self.cell, z])
@@ -105,6 +96,14 @@ def _ground(heights: _Heights, max_gap: float) -> tuple[Int[np.ndarray, "n 2"], 
     return place[found], foot[found]
 
 
+def _at(values: Float[np.ndarray, "x y"], place: Int[np.ndarray, "n 2"], beyond: float) -> Float[np.ndarray, " n"]:
+    """Return values of squares; `beyond` outside of all."""
+    inside = ((place >= 0) & (place < values.shape)).all(axis=1)
+    found = np.full(len(place), beyond)
+    found[inside] = values[tuple(place[inside].T)]
+    return found
+
+
 def _first(
     heights: _Heights, place: Int[np.ndarray, "n 2"], way: Int[np.ndarray, " 2"], most: float
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
@@ -113,7 +112,7 @@ def _first(
     length = float(np.linalg.norm(way))
     still = np.arange(len(place))
     for count in range(1, int(most / length) + 1):
-        top = heights.at(heights.top, place[still] + count * way, -np.inf)
+        top = _at(heights.top, place[still] + count * way, -np.inf)
         there = np.isfinite(top)
         height[still[there]], distance[still[there]] = top[there], count * length
         still = still[~there]
@@ -148,7 +147,7 @@ def _clear(
         going = (at[:, 2] < highest) & (count * heights.cell < away[still])
         still, at = still[going], at[going]
         square = np.floor((at[:, :2] - heights.low) / heights.cell).astype(np.int64)
-        behind = heights.at(heights.top, square, -np.inf) > at[:, 2]
+        behind = _at(heights.top, square, -np.inf) > at[:, 2]
         clear[still[behind]] = False
         still = still[~behind]
     return clear
@@ -160,10 +159,9 @@ def _walls(
     """Return points, and their normals, between hidden ground and the lowest points over the squares beside it."""
     points, normals = [], []
     for beside in _BESIDE:
-        rise = heights.at(heights.bottom, place + beside, np.inf) - z
-        count = np.where(np.isfinite(rise) & (rise > LEAST_STEP * heights.cell), rise / heights.cell, 0).astype(
-            np.int64
-        )
+        rise = _at(heights.bottom, place + beside, np.inf) - z
+        stands = np.isfinite(rise) & (rise > LEAST_STEP * heights.cell)
+        count = np.where(stands, rise / heights.cell, 0).astype(np.int64)
         row = np.repeat(np.arange(len(place)), count)
         level = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
         points.append(heights.middle(place[row] + 0.5 * np.array(beside), z[row] + (level + 0.5) * heights.cell))
