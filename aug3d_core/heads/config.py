@@ -25,11 +25,13 @@ class HeadConfig(StageConfig):
     """Base of a head's settings.
 
     name: a Literal with one value, the name of the head's folder. title: what reports call it. decidable: fields that the
-    preset `auto` leaves open.
+    preset `auto` leaves open. of_training: fields that training alone reads; a model that was saved before there was one
+    is the network that it was.
     """
 
     title: ClassVar[str]
     decidable: ClassVar[tuple[str, ...]] = ()
+    of_training: ClassVar[tuple[str, ...]] = ()
     name: str
 
     @property

@@ -17,5 +17,6 @@ texture   every texel coloured as a vertex is
 clock     what each step took
 kept      what a try after a kill goes on with
 checks    the mesh beside the photographs: PSNR, coverage, pictures
-stage     both meshes (train photos alone; everything but the targets) and the renders at the targets
+meshes    both meshes (train photos alone; everything but the targets), side by side where there is room
+stage     what they look like beside the photographs, and the renders at the targets
 """

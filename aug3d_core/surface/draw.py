@@ -101,7 +101,7 @@ def draw(
     tried = []
     told(0, len(tiles))
     for one in _each(
-        partial(_tile, work, indexed, margin), [*enumerate(tiles)], min(len(tiles), at_once or _affordable(most))
+        partial(_tile, work, indexed, margin), [*enumerate(tiles)], min(len(tiles), at_once or affordable(most))
     ):
         tried.append(one)
         told(len(tried), len(tiles))
@@ -180,7 +180,7 @@ class _Work:
         return self.kept.piece(f"tile_{number:05}", _Stored, make).tried()
 
 
-def _affordable(most: int) -> int:
+def affordable(most: int) -> int:
     """Return how many tiles the cores and the free memory can draw at a time."""
     free = min(psutil.virtual_memory().available, total_bytes())
     return max(1, min(len(os.sched_getaffinity(0)), int(MEMORY_SHARE * free / (POINT_BYTES * most))))

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,32 +17,18 @@ from jaxtyping import Float, Int
 from PIL import Image
 from scipy.spatial import KDTree
 
-from aug3d_core.depth.files import BASELINE_FUSED, FUSED
 from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.transforms import centres
-from aug3d_core.geometry.views import Tracks, Views
+from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
-from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
-from aug3d_core.split.files import read_roles
 from aug3d_core.surface import checks
-from aug3d_core.surface.build import Built, build
+from aug3d_core.surface.build import Built
 from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decisions import decisions
-from aug3d_core.surface.draw import draw
-from aug3d_core.surface.files import (
-    BASELINE_MESH,
-    BASELINE_MESH_TEXTURE,
-    BASELINE_RENDERS,
-    BASELINE_TEXTURED_MESH,
-    MESH,
-    MESH_SOURCES,
-    MESH_TEXTURE,
-    PIECES,
-    TEXTURED_MESH,
-)
-from aug3d_core.surface.kept import Kept
+from aug3d_core.surface.files import BASELINE_RENDERS, MESH_SOURCES, PIECES
+from aug3d_core.surface.meshes import GIVEN, TRAIN, Scene, both
 
 FEW_POINTS = 10_000
 LOW_COVERAGE = 0.5
@@ -55,43 +39,11 @@ PICTURE_PX = 480
 FULL_PX = 100_000  # larger than any photo
 
 
-@dataclass(frozen=True)
-class _Scene:
-    """What is the same for every mesh."""
-
-    views: Views
-    tracks: Tracks
-    role: np.ndarray
-    images: Path
-    masks: Path
-    config: SurfaceConfig
-
-    def having(self, *roles: str) -> Int[np.ndarray, " m"]:
-        """Return the views of these roles."""
-        return np.flatnonzero(np.isin(self.role, roles))
-
-
 def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) -> Outcome:
     """Build both meshes, render the second at the targets, and compare it with the photos."""
-    views = Views.load(inputs["sfm"] / VIEWS)
-    scene = _Scene(
-        views,
-        Tracks.load(inputs["sfm"] / TRACKS),
-        read_roles(inputs["grouping"], len(views)),
-        inputs["sfm"] / VIEW_IMAGES,
-        inputs["sfm"] / VIEW_MASKS,
-        config,
-    )
-    train, given, targets = scene.having("train"), scene.having("train", "gap", "support"), scene.having("target")
-    clock, tick = Clock(), _counter(2 * (len(train) + len(given)) + 1, progress)
-
-    def told(done: int, tiles: int) -> None:
-        progress(done, tiles, "drawing the surface, tile by tile")
-
-    train_mesh = _build(scene, inputs["depth"] / FUSED, train, clock, told, tick, Kept(out / PIECES / "train"))
-    _save(train_mesh, out, MESH, TEXTURED_MESH, MESH_TEXTURE)
-    baseline = _build(scene, inputs["depth"] / BASELINE_FUSED, given, clock, told, tick, Kept(out / PIECES / "given"))
-    _save(baseline, out, BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE)
+    scene, clock = Scene.load(inputs, config), Clock()
+    views, train, given, targets = scene.views, scene.having(*TRAIN), scene.having(*GIVEN), scene.having("target")
+    train_mesh, baseline = both(scene, inputs["depth"], out, clock, progress)
     sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
     (out / MESH_SOURCES).write_text(json.dumps(sources))
     known = evenly_spread(given, config.check_views)
@@ -121,37 +73,6 @@ def exposures(views: Views, given: Int[np.ndarray, " m"], gains: Float[np.ndarra
     exposures = np.exp(np.log(gains)[nearest].mean(axis=1))
     exposures[given] = gains
     return exposures
-
-
-def _counter(total: int, progress: Progress) -> Callable[[], None]:
-    done = 0
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        progress(min(done, total), total, "colouring the mesh")
-
-    progress(0, total, "drawing the surface")
-    return tick
-
-
-def _build(
-    scene: _Scene,
-    fused: Path,
-    chosen: np.ndarray,
-    clock: Clock,
-    told: Callable[[int, int], None],
-    tick: Callable[[], None],
-    kept: Kept,
-) -> Built:
-    drawn = draw(fused, scene.views, chosen, scene.config, clock, told, kept=kept)
-    return build(drawn, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick, kept)
-
-
-def _save(built: Built, out: Path, mesh: str, textured: str, texture: str) -> None:
-    built.mesh.save(out / mesh)
-    if built.textured is not None:
-        built.textured.save(out / textured, out / texture)
 
 
 def _figures(train: Built, baseline: Built) -> dict[str, Metric]:
@@ -193,7 +114,7 @@ def _reasons(built: Built, config: SurfaceConfig) -> dict[str, str]:
 
 
 def _compare(
-    scene: _Scene,
+    scene: Scene,
     targets: np.ndarray,
     known: np.ndarray,
     baseline: Built,
@@ -233,7 +154,7 @@ def _pictured(chosen: np.ndarray) -> np.ndarray:
 
 def _draw(
     out: Path,
-    scene: _Scene,
+    scene: Scene,
     targets: np.ndarray,
     known: np.ndarray,
     renders: dict[int, Image.Image],

@@ -1,5 +1,7 @@
 import gc
 import json
+import os
+import signal
 import weakref
 from dataclasses import replace
 from filecmp import cmp
@@ -20,9 +22,10 @@ from aug3d_core.geometry.transforms import apply, look_at
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
-from aug3d_core.surface import checks, stage
+from aug3d_core.surface import checks, meshes, stage
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.decimate import decimate
 from aug3d_core.surface.evidence import Evidence
@@ -217,6 +220,12 @@ def build_surface(flight: dict[str, Path], out: Path, progress=lambda done, tota
     return run(flight, config, out, progress)
 
 
+@pytest.fixture
+def in_turn(monkeypatch):
+    """Room for one mesh at a time alone: all of the stage is in this process."""
+    monkeypatch.setattr(meshes, "affordable", lambda most: 1)
+
+
 @pytest.fixture(scope="module")
 def built(flight, tmp_path_factory):
     """The stage's outcome and folder."""
@@ -224,6 +233,7 @@ def built(flight, tmp_path_factory):
     return build_surface(flight, out), out
 
 
+@pytest.mark.usefixtures("in_turn")
 @pytest.mark.parametrize("colour", ["vertex", "texture"])
 def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, built, tmp_path, colour):
     outcome, out = built if colour == "texture" else (build_surface(flight, tmp_path, colour=colour), tmp_path)
@@ -245,6 +255,7 @@ def test_the_mesh_lies_on_the_hills_and_looks_like_the_photos(flight, built, tmp
     assert (out / TEXTURED_MESH).exists() == (colour == "texture")
 
 
+@pytest.mark.usefixtures("in_turn")
 def test_no_more_renders_are_held_than_pictures_show(flight, tmp_path, monkeypatch):
     held, most, rgba = list[weakref.ref](), 0, checks.rgba
 
@@ -291,6 +302,7 @@ class Stopped(BaseException):
     """As if the process were killed."""
 
 
+@pytest.mark.usefixtures("in_turn")
 def test_stopped_after_each_piece_it_makes_none_twice_and_ends_in_the_same_bytes(flight, built, tmp_path, monkeypatch):
     keep, made, told = Kept.piece, list[str](), list[tuple[int, int]]()
 
@@ -321,6 +333,7 @@ def test_stopped_after_each_piece_it_makes_none_twice_and_ends_in_the_same_bytes
     assert all(cmp(tmp_path / f, built[1] / f, shallow=False) for f in files)
 
 
+@pytest.mark.usefixtures("in_turn")
 def test_no_pixel_of_a_held_out_photo_reaches_the_meshes(flight, built, tmp_path):
     train = [MESH, TEXTURED_MESH, MESH_TEXTURE]
     baseline = [BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE]
@@ -339,6 +352,7 @@ def test_no_pixel_of_a_held_out_photo_reaches_the_meshes(flight, built, tmp_path
     assert (out / BASELINE_MESH_TEXTURE).read_bytes() != (built[1] / BASELINE_MESH_TEXTURE).read_bytes()
 
 
+@pytest.mark.usefixtures("in_turn")
 def test_a_mesh_that_shows_held_out_photos_worse_than_one_colour_is_degraded(flight, built, tmp_path):
     assert built[0].metrics["target_render_psnr"] > built[0].metrics["target_flat_psnr"]
     sfm = tmp_path / "sfm"
@@ -352,13 +366,42 @@ def test_a_mesh_that_shows_held_out_photos_worse_than_one_colour_is_degraded(fli
     assert "held-out photos no better than one colour" in outcome.notes[0]
 
 
-def test_too_few_fused_points_are_an_error_that_says_so(flight, tmp_path):
-    fused = Fused.load(flight["depth"] / FUSED)
-    Fused(*(getattr(fused, f)[:50] for f in ("xyz", "normals", "rgb", "views"))).save(tmp_path / FUSED)
+@pytest.mark.parametrize("poor", [FUSED, BASELINE_FUSED])
+@pytest.mark.parametrize("room", [1, 2])
+def test_too_few_fused_points_are_an_error_that_says_so(flight, tmp_path, monkeypatch, poor, room):
+    monkeypatch.setattr(meshes, "affordable", lambda most: room)
+    copytree(flight["depth"], tmp_path / "depth")
+    fused = Fused.load(flight["depth"] / poor)
+    Fused(*(getattr(fused, f)[:50] for f in ("xyz", "normals", "rgb", "views"))).save(tmp_path / "depth" / poor)
     with pytest.raises(InputError, match="of 50 fused points"):
-        build_surface(flight | {"depth": tmp_path}, tmp_path / "out")
+        build_surface(flight | {"depth": tmp_path / "depth"}, tmp_path / "out", colour="vertex")
 
 
+def killed(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_mesh_whose_process_is_killed_is_an_error_that_is_tried_again(flight, tmp_path, monkeypatch):
+    monkeypatch.setattr(meshes, "affordable", lambda most: 2)
+    monkeypatch.setattr(meshes, "_made_beside", killed)
+    with pytest.raises(WorkerDied, match="was killed") as died:
+        build_surface(flight, tmp_path, colour="vertex")
+    assert died.value.cause == "killed"
+    monkeypatch.undo()
+    build_surface(flight, tmp_path, colour="vertex")
+    assert (tmp_path / MESH).exists()
+
+
+def test_side_by_side_the_progress_is_that_of_the_larger_mesh_and_only_grows(flight, tmp_path, monkeypatch):
+    asked, told = list[int](), list[tuple[int, int]]()
+    monkeypatch.setattr(meshes, "affordable", lambda most: asked.append(most) or 2)
+    build_surface(flight, tmp_path, lambda done, total, _: told.append((done, total)), colour="vertex")
+    assert asked == [max(len(Fused.load(flight["depth"] / name).xyz) for name in (FUSED, BASELINE_FUSED))]
+    assert told == [*sorted(told[:-1]), (1, 1)]
+    assert {total for _, total in told[:-1]} == {2 * 11 + 1}
+
+
+@pytest.mark.usefixtures("in_turn")
 def test_a_texel_budget_makes_texels_larger(flight, tmp_path):
     outcome = build_surface(flight, tmp_path, texel_budget=2**14)
     assert outcome.metrics["texels"] <= 2**14

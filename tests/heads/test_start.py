@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,7 @@ from safetensors.torch import save_file
 
 from aug3d_core.heads import saved
 from aug3d_core.heads.config import shipped
-from aug3d_core.heads.files import MODEL_WEIGHTS
+from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.heads.head import build
 from aug3d_core.heads.sweep.config import PRESETS, TOWNS, SweepConfig
 from aug3d_core.judging.cheap_answers import ground_homography
@@ -47,6 +49,19 @@ def test_presets_that_start_from_it_can(preset: str) -> None:
     before = {name: value.clone() for name, value in head.state_dict().items()}
     assert head.start().metrics == {"started_with": TOWNS}
     assert any(not torch.equal(before[name], value) for name, value in head.state_dict().items())
+
+
+def test_a_model_saved_before_a_setting_is_refused_only_where_it_could_be_another_network(tmp_path) -> None:
+    saved.save(build(SweepConfig(start="random")), tmp_path)
+    told = json.loads((tmp_path / MODEL_CONFIG).read_text())
+    for name in SweepConfig.of_training:
+        del told["head"][name]
+    (tmp_path / MODEL_CONFIG).write_text(json.dumps(told))
+    assert saved.load(tmp_path).config == SweepConfig()
+    del told["head"]["fine_planes"]
+    (tmp_path / MODEL_CONFIG).write_text(json.dumps(told))
+    with pytest.raises(InputError, match="before there was fine_planes"):
+        saved.load(tmp_path)
 
 
 def test_weights_of_a_file_are_taken(tmp_path) -> None:

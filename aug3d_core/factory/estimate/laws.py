@@ -32,6 +32,10 @@ _TILED_MPX, _TILE_MIB = (
     3150.0,
 )  # of depth maps that give more points than one tile holds, and a tile's: surface/draw.py
 _TILES_SHARE = 0.5  # of the memory, for the tiles that are drawn at a time
+_LARGER_MESH, _BOTH_MESHES = (
+    0.65,
+    1.5,
+)  # seconds of the larger of two meshes, of both's; memory of both, over the larger's
 _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
 _FUSED_MPX, _FUSED_MARGIN = (
     25.0,
@@ -239,10 +243,13 @@ def _surface(scene: Scene) -> Work:
         min(pixels, _TEXTURED_MPX * scene.config.surface.texel_budget / 2**24) / scene.config.surface.texel_gsd**2
     )
     tiled = min(80 * pixels, scene.cores * _TILE_MIB, max(_TILES_SHARE * scene.memory_mib, _TILE_MIB))
+    drawn = 40 * pixels if pixels <= _TILED_MPX else tiled
+    both = scene.cores > 1 and 2 * min(drawn, _TILE_MIB) <= _TILES_SHARE * scene.memory_mib  # meshes side by side
     return Work(
-        one_core_s=9 + 2.9 * pixels + 0.8 * textured,
+        one_core_s=(9 + 2.9 * pixels + 0.8 * textured) * (_LARGER_MESH if both else 1.0),
         all_cores_s=2.3 * pixels + 0.8 * textured,
-        peak_mib=440 + (40 * pixels if pixels <= _TILED_MPX else tiled) + 17 * textured,
+        peak_mib=(440 + 17 * textured) * (_BOTH_MESHES if both else 1.0)
+        + drawn * (_BOTH_MESHES if both and pixels <= _TILED_MPX else 1.0),
         disk_mib=3 + 0.4 * pixels + 2.0 * textured,
     )
 

@@ -21,6 +21,13 @@ class SweepConfig(HeadConfig):
 
     title: ClassVar[str] = "plane sweep"
     decidable: ClassVar[tuple[str, ...]] = ("planes",)
+    of_training: ClassVar[tuple[str, ...]] = (
+        "crop_px",
+        "depth_weight",
+        "start",
+        "recoloured_share",
+        "other_cameras_share",
+    )
     name: Literal["sweep"] = Field(default="sweep", description="Name of the head.")
     planes: int = Field(default=32, ge=4, le=256, description="Planes of the coarse volume, over the slab [planes].")
     fine_planes: int = Field(
@@ -49,6 +56,13 @@ class SweepConfig(HeadConfig):
         le=1,
         description="Share of the training steps that see everything in other colours: better on places never seen, worse on"
         " this one [1].",
+    )
+    other_cameras_share: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="Share of the training steps that see everything as other cameras might have photographed it (contrast,"
+        " tint, blur, noise): for a model that is trained on renders alone [1].",
     )
     scaffold: bool = Field(
         default=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +13,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from aug3d_core.dataset.batches import Group
-from aug3d_core.dataset.scene import RENDERED, Scene
+from aug3d_core.dataset.scene import FINER, RENDERED, Scene
 from aug3d_core.dataset.warp import Inputs, Target, lookup, on_device
 from aug3d_core.heads.exposure import Exposure, gains
 from aug3d_core.heads.head import Head, Start, View, colour_measures, to_8_bit
 from aug3d_core.heads.sweep.config import RANDOM, SHIPPED_FEATURES, TOWNS, SweepConfig
+from aug3d_core.heads.sweep.disguise import PLAIN, Disguise
 from aug3d_core.heads.sweep.network import COARSE, Found, Given, Seen, SweepNetwork
 from aug3d_core.heads.sweep.start import load_first_weights
 
@@ -103,9 +104,9 @@ class SweepHead(Head):
         start = self._scaffold(scene, view, window) if noise and _drawn(2, noise) else None
         if start is not None and scene.source[view] == RENDERED:
             start = self._blurred(scene, view, window, start, noise)
-        colours = self._colours(noise)
-        seen = self._see(scene, view, inputs, window, start, colours)
-        truth = colours(self._tensor(scene.images[cut]) / 255).movedim(-1, 0)
+        disguise = Disguise.drawn(self.config, len(inputs), noise)
+        seen = self._see(scene, view, inputs, window, start, disguise)
+        truth = disguise.of_target(self._tensor(scene.images[cut]) / 255).movedim(-1, 0)
         shown = (self._tensor(scene.alpha[cut]) >= 128).float()
         weight = shown / shown.sum().clamp(min=1)
         loss = _error(seen.colour, truth, weight) + _EDGES * _edge_error(seen.colour, truth, shown)
@@ -152,13 +153,6 @@ class SweepHead(Head):
             errors.append((off * known).sum() / known.sum().clamp(min=1) + _PLANES * _plane_error(found, truth, known))
         return torch.stack(errors).sum()
 
-    def _colours(self, noise: torch.Generator | None) -> Callable[[Tensor], Tensor]:
-        """Draw other colours for all that a step sees: what a model learns of roofs is not to be that they are red alone."""
-        if noise is None or float(torch.rand((), generator=noise)) >= self.config.recoloured_share:
-            return lambda rgb: rgb
-        order, negative = torch.randperm(3, generator=noise), _drawn(2, noise)
-        return lambda rgb: (1 - rgb if negative else rgb)[..., order.to(rgb.device)]
-
     def _guess_error(self, scene: Scene, seen: Seen, inputs: Int[np.ndarray, " v"]) -> Float[Tensor, ""]:
         """Return the mean error of the heights guessed from each input alone, where its depth is known."""
         depth = self._tensor(scene.depth[inputs].astype(np.float32))
@@ -179,14 +173,14 @@ class SweepHead(Head):
         views: Int[np.ndarray, " v"],
         window: Window,
         start: Float[Tensor, "h w"] | None,
-        colours: Callable[[Tensor], Tensor] = lambda rgb: rgb,
+        disguise: Disguise = PLAIN,
     ) -> Seen:
         rays = Target.of(scene, target, window, self.device)
         cameras = Inputs.of(scene, target, views, self.device)
         scaffolds = None if start is None else self._tensor(scene.scaffold[views])[:, None]
-        rgb = colours(self._tensor(scene.images[views]) / 255)
+        rgb = disguise.of_inputs(self._tensor(scene.images[views]) / 255)
         alpha = self._tensor(scene.alpha[views])[..., None] / 255
-        fine = colours(self._tensor(scene.fine(views)) / 255)
+        fine = disguise.of_inputs(self._tensor(scene.fine(views)) / 255, FINER)
         factors = _exposures(rays, cameras, rgb, alpha, start, scaffolds)
         rgb, fine = ((picture * factors).clamp(0, 1) for picture in (rgb, fine))
         even = Exposure.of(rgb[None], alpha[None]).even(rgb[None])[0]

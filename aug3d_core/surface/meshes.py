@@ -1,0 +1,143 @@
+"""Both meshes of a scene, in its colours, each from the photographs of its own roles; side by side where there is room."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from aug3d_core.depth.files import BASELINE_FUSED, FUSED
+from aug3d_core.geometry.stored_points import StoredPoints
+from aug3d_core.geometry.views import Tracks, Views
+from aug3d_core.run.helper_process import WorkerDied
+from aug3d_core.run.stage import Progress
+from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
+from aug3d_core.split.files import read_roles
+from aug3d_core.surface.build import Built, build
+from aug3d_core.surface.clock import Clock
+from aug3d_core.surface.config import SurfaceConfig
+from aug3d_core.surface.draw import affordable, draw
+from aug3d_core.surface.files import (
+    BASELINE_MESH,
+    BASELINE_MESH_TEXTURE,
+    BASELINE_TEXTURED_MESH,
+    MESH,
+    MESH_TEXTURE,
+    PIECES,
+    TEXTURED_MESH,
+)
+from aug3d_core.surface.kept import Kept
+from aug3d_core.surface.tiles import MOST_POINTS
+
+TRAIN, GIVEN = ("train",), ("train", "gap", "support")  # whose photographs a mesh is made of
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is the same for both meshes."""
+
+    views: Views
+    tracks: Tracks
+    role: np.ndarray
+    images: Path
+    masks: Path
+    config: SurfaceConfig
+
+    @classmethod
+    def load(cls, inputs: Mapping[str, Path], config: SurfaceConfig) -> Scene:
+        """Read what earlier stages left."""
+        views = Views.load(inputs["sfm"] / VIEWS)
+        return cls(
+            views,
+            Tracks.load(inputs["sfm"] / TRACKS),
+            read_roles(inputs["grouping"], len(views)),
+            inputs["sfm"] / VIEW_IMAGES,
+            inputs["sfm"] / VIEW_MASKS,
+            config,
+        )
+
+    def having(self, *roles: str) -> Int[np.ndarray, " m"]:
+        """Return the views of these roles."""
+        return np.flatnonzero(np.isin(self.role, roles))
+
+
+def both(scene: Scene, depth: Path, out: Path, clock: Clock, progress: Progress) -> tuple[Built, Built]:
+    """Return the mesh of the train photographs and that of all given ones, saved; raises InputError where one has no surface.
+
+    Little of the work can use a second core, so the first is made in a process of its own, if memory allows. Its photographs
+    are among those of the second, which takes longer and so tells of the progress.
+    """
+    fused, baseline_fused = depth / FUSED, depth / BASELINE_FUSED
+    each = affordable(max(min(len(StoredPoints.open(one)), MOST_POINTS) for one in (fused, baseline_fused))) // 2
+    train, given = len(scene.having(*TRAIN)), len(scene.having(*GIVEN))
+    tick = _counter(2 * (given if each else train + given) + 1, progress)
+
+    def told(done: int, tiles: int) -> None:
+        progress(done, tiles, "drawing the surface, tile by tile")
+
+    def baseline() -> Built:
+        return _made(scene, baseline_fused, GIVEN, out, each, clock, told, tick)
+
+    if not each:
+        return _made(scene, fused, TRAIN, out, each, clock, told, tick), baseline()
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        beside = pool.submit(_made_beside, scene, fused, out, each)
+        second = baseline()
+        try:
+            first, spent = beside.result()
+        except BrokenProcessPool as error:
+            raise WorkerDied(
+                "the process that makes the mesh of the train photographs was killed",
+                "It was killed, mostly for memory: lower depth.max_px.",
+                "killed",
+            ) from error
+    clock.add(spent)
+    return first, second
+
+
+def _made_beside(scene: Scene, fused: Path, out: Path, at_once: int) -> tuple[Built, Clock]:
+    clock = Clock()
+    return _made(scene, fused, TRAIN, out, at_once, clock, lambda done, tiles: None, lambda: None), clock
+
+
+def _made(
+    scene: Scene,
+    fused: Path,
+    roles: tuple[str, ...],
+    out: Path,
+    at_once: int,
+    clock: Clock,
+    told: Callable[[int, int], None],
+    tick: Callable[[], None],
+) -> Built:
+    """Draw and colour a mesh, and save it. at_once: tiles that are drawn at a time; 0: as many as there is room for."""
+    name, mesh, textured, texture = (
+        ("train", MESH, TEXTURED_MESH, MESH_TEXTURE)
+        if roles == TRAIN
+        else ("given", BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE)
+    )
+    chosen, kept = scene.having(*roles), Kept(out / PIECES / name)
+    drawn = draw(fused, scene.views, chosen, scene.config, clock, told, at_once=at_once or None, kept=kept)
+    built = build(drawn, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick, kept)
+    built.mesh.save(out / mesh)
+    if built.textured is not None:
+        built.textured.save(out / textured, out / texture)
+    return built
+
+
+def _counter(total: int, progress: Progress) -> Callable[[], None]:
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        progress(min(done, total), total, "colouring the mesh")
+
+    progress(0, total, "drawing the surface")
+    return tick
