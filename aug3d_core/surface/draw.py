@@ -223,7 +223,7 @@ def _draw(
         max_gap = config.max_gap_spacings * evidence.spacing
         completed = with_hidden(evidence, views, chosen, max_gap)
     with clock.step("poisson"):
-        raw = reconstruct(completed, even=read != EVERYWHERE)
+        raw = reconstruct(completed)
     with clock.step("trimming"):
         fine = trim(raw, completed, max_gap, config.min_piece_points, read)
     if not len(fine.triangles):

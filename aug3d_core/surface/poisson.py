@@ -11,40 +11,30 @@ from aug3d_core.surface.evidence import Evidence
 from aug3d_core.surface.shape import Shape
 
 MIN_DEPTH, MAX_DEPTH = 5, 11
-SCALE = 1.1  # the octree's cube over the points' cube
-# Four points a cell: finer cells model the points' noise
+SCALE = 1.1  # the octree's cube over the points' cube, at least
+# Four points a cell: finer cells model the points' noise. To the bit: half as many would cost a third of the time and a third
+# more would cost half of it, and neighbouring tiles need equal cells
 CELL_SPACINGS = 2.0
 # How much the surface follows the points; open3d's choice
 POINT_WEIGHT = 2.0
 
 
-def reconstruct(evidence: Evidence, even: bool = False) -> Shape:
-    """Return Poisson's surface through the points, untrimmed.
-
-    even: the finest cell is CELL_SPACINGS wide to the bit, in a larger cube, so that neighbouring tiles have equal cells and
-    none takes four times the memory of another; else it is what halving the points' own cube gives.
-    """
-    depth, scale = _even(evidence) if even else (octree_depth(evidence), SCALE)
+def reconstruct(evidence: Evidence) -> Shape:
+    """Return Poisson's surface through the points, untrimmed. The finest cells are CELL_SPACINGS wide."""
+    cells, depth = _cells(evidence), octree_depth(evidence)
     origin = evidence.xyz.mean(axis=0)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(evidence.xyz - origin))
     cloud.normals = o3d.utility.Vector3dVector(evidence.normals)
     # One thread: with more, the order of sums and so the bytes change from run to run
     mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
-        cloud, depth=depth, scale=scale, n_threads=1, point_weight=POINT_WEIGHT
+        cloud, depth=depth, scale=SCALE * max(1.0, 2**depth / cells), n_threads=1, point_weight=POINT_WEIGHT
     )
     return _shape(mesh, origin)
 
 
 def octree_depth(evidence: Evidence) -> int:
-    """Choose the octree depth whose finest cell is nearest to CELL_SPACINGS of the points' spacings."""
-    return int(np.clip(round(math.log2(_cells(evidence))), MIN_DEPTH, MAX_DEPTH))
-
-
-def _even(evidence: Evidence) -> tuple[int, float]:
-    """Return the depth of the smallest octree with cells of CELL_SPACINGS that holds the points, and its cube over theirs."""
-    cells = _cells(evidence)
-    depth = int(np.clip(math.ceil(math.log2(cells)), MIN_DEPTH, MAX_DEPTH))
-    return depth, SCALE * max(1.0, 2**depth / cells)
+    """Return the depth of the smallest octree with cells of CELL_SPACINGS that holds the points."""
+    return int(np.clip(math.ceil(math.log2(_cells(evidence))), MIN_DEPTH, MAX_DEPTH))
 
 
 def _cells(evidence: Evidence) -> float:

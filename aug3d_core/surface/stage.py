@@ -105,8 +105,7 @@ def _reasons(built: Built, config: SurfaceConfig) -> dict[str, str]:
     asked = config.texel_gsd if config.colour == "texture" else 1.0
     why = "as asked" if built.detail <= 1.001 * asked * gsd else "all that the budget allows"
     return {
-        "octree_depth": f"octree of depth {built.octree_depth}: about two points' spacings a cell, finer would model their"
-        " noise",
+        "octree_depth": f"octree of depth {built.octree_depth}: cells of two points' spacings, finer would model their noise",
         "triangles": f"{len(built.mesh.triangles)} of {built.triangles_full} triangles: half as many would move 5 % of the"
         f" surface by more than {config.max_error_gsd:g} GSD",
         "texels": f"{built.detail / gsd:.2f} GSD {detail}: {why}",

@@ -128,7 +128,7 @@ def test_poisson_finds_a_sphere_and_repeats_its_bytes():
 
 
 def test_the_octree_is_as_deep_as_the_points_are_dense():
-    depths = [octree_depth(replace(sphere(), spacing=spacing)) for spacing in (0.6, 0.14, 0.07, 0.035)]
+    depths = [octree_depth(replace(sphere(), spacing=spacing)) for spacing in (0.9, 0.2, 0.1, 0.05)]
     assert np.diff(depths).tolist() == [0, 1, 1]  # never under 5
     assert octree_depth(replace(sphere(), spacing=1e-9)) == 11
 

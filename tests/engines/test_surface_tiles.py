@@ -157,10 +157,10 @@ def test_what_no_photograph_frames_is_refused_tiles_or_not(fused):
             draw(fused, away, np.array([0]), CONFIG, Clock(), most=most, at_once=1)
 
 
-def test_even_cells_are_two_spacings_wide():
+def test_cells_are_two_spacings_wide():
     x, y = np.meshgrid(np.arange(0, 40, 0.5), np.arange(0, 23, 0.5))
     flat = np.column_stack([x.ravel(), y.ravel(), 0.1 * np.sin(x.ravel())])
-    shape = reconstruct(Evidence(flat, np.tile([0, 0, 1.0], (len(flat), 1)), 0.5), even=True)
+    shape = reconstruct(Evidence(flat, np.tile([0, 0, 1.0], (len(flat), 1)), 0.5))
     # Corners lie on the edges of cells: of two of three coordinates each is a whole number of cells from any other
     inner = shape.xyz[(np.abs(shape.xyz[:, :2] - [20, 11]) < 9).all(axis=1)]
     places = np.unique(np.round(inner[:, 0], 6), return_counts=True)
