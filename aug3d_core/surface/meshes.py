@@ -35,7 +35,32 @@ from aug3d_core.surface.files import (
 from aug3d_core.surface.kept import Kept
 from aug3d_core.surface.tiles import MOST_POINTS
 
-TRAIN, GIVEN = ("train",), ("train", "gap", "support")  # whose photographs a mesh is made of
+
+@dataclass(frozen=True)
+class Wanted:
+    """A mesh that a scene has: the roles of its photographs, its fused points, and what its files are called."""
+
+    name: str
+    roles: tuple[str, ...]
+    fused: str
+    mesh: str
+    textured: str
+    texture: str
+
+    def points(self, depth: Path) -> int:
+        """Return how many points it is drawn through."""
+        return len(StoredPoints.open(depth / self.fused))
+
+
+TRAIN = Wanted("train", ("train",), FUSED, MESH, TEXTURED_MESH, MESH_TEXTURE)
+GIVEN = Wanted(
+    "given",
+    ("train", "gap", "support"),
+    BASELINE_FUSED,
+    BASELINE_MESH,
+    BASELINE_TEXTURED_MESH,
+    BASELINE_MESH_TEXTURE,
+)
 
 
 @dataclass(frozen=True)
@@ -73,22 +98,19 @@ def both(scene: Scene, depth: Path, out: Path, clock: Clock, progress: Progress)
     Little of the work can use a second core, so the first is made in a process of its own, if memory allows. Its photographs
     are among those of the second, which takes longer and so tells of the progress.
     """
-    fused, baseline_fused = depth / FUSED, depth / BASELINE_FUSED
-    each = affordable(max(min(len(StoredPoints.open(one)), MOST_POINTS) for one in (fused, baseline_fused))) // 2
-    train, given = len(scene.having(*TRAIN)), len(scene.having(*GIVEN))
+    each = affordable(max(min(wanted.points(depth), MOST_POINTS) for wanted in (TRAIN, GIVEN))) // 2
+    train, given = len(scene.having(*TRAIN.roles)), len(scene.having(*GIVEN.roles))
     tick = _counter(2 * (given if each else train + given) + 1, progress)
 
     def told(done: int, tiles: int) -> None:
         progress(done, tiles, "drawing the surface, tile by tile")
 
-    def baseline() -> Built:
-        return _made(scene, baseline_fused, GIVEN, out, each, clock, told, tick)
-
     if not each:
-        return _made(scene, fused, TRAIN, out, each, clock, told, tick), baseline()
+        first, second = (_made(scene, wanted, depth, out, each, clock, told, tick) for wanted in (TRAIN, GIVEN))
+        return first, second
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        beside = pool.submit(_made_beside, scene, fused, out, each)
-        second = baseline()
+        beside = pool.submit(_made_beside, scene, depth, out, each)
+        second = _made(scene, GIVEN, depth, out, each, clock, told, tick)
         try:
             first, spent = beside.result()
         except BrokenProcessPool as error:
@@ -101,15 +123,15 @@ def both(scene: Scene, depth: Path, out: Path, clock: Clock, progress: Progress)
     return first, second
 
 
-def _made_beside(scene: Scene, fused: Path, out: Path, at_once: int) -> tuple[Built, Clock]:
+def _made_beside(scene: Scene, depth: Path, out: Path, at_once: int) -> tuple[Built, Clock]:
     clock = Clock()
-    return _made(scene, fused, TRAIN, out, at_once, clock, lambda done, tiles: None, lambda: None), clock
+    return _made(scene, TRAIN, depth, out, at_once, clock, lambda done, tiles: None, lambda: None), clock
 
 
 def _made(
     scene: Scene,
-    fused: Path,
-    roles: tuple[str, ...],
+    wanted: Wanted,
+    depth: Path,
     out: Path,
     at_once: int,
     clock: Clock,
@@ -117,17 +139,14 @@ def _made(
     tick: Callable[[], None],
 ) -> Built:
     """Draw and colour a mesh, and save it. at_once: tiles that are drawn at a time; 0: as many as there is room for."""
-    name, mesh, textured, texture = (
-        ("train", MESH, TEXTURED_MESH, MESH_TEXTURE)
-        if roles == TRAIN
-        else ("given", BASELINE_MESH, BASELINE_TEXTURED_MESH, BASELINE_MESH_TEXTURE)
+    chosen, kept = scene.having(*wanted.roles), Kept(out / PIECES / wanted.name)
+    drawn = draw(
+        depth / wanted.fused, scene.views, chosen, scene.config, clock, told, at_once=at_once or None, kept=kept
     )
-    chosen, kept = scene.having(*roles), Kept(out / PIECES / name)
-    drawn = draw(fused, scene.views, chosen, scene.config, clock, told, at_once=at_once or None, kept=kept)
     built = build(drawn, scene.tracks, scene.views, chosen, scene.images, scene.masks, scene.config, clock, tick, kept)
-    built.mesh.save(out / mesh)
+    built.mesh.save(out / wanted.mesh)
     if built.textured is not None:
-        built.textured.save(out / textured, out / texture)
+        built.textured.save(out / wanted.textured, out / wanted.texture)
     return built
 
 

@@ -42,7 +42,8 @@ FULL_PX = 100_000  # larger than any photo
 def run(inputs: Inputs, config: SurfaceConfig, out: Path, progress: Progress) -> Outcome:
     """Build both meshes, render the second at the targets, and compare it with the photos."""
     scene, clock = Scene.load(inputs, config), Clock()
-    views, train, given, targets = scene.views, scene.having(*TRAIN), scene.having(*GIVEN), scene.having("target")
+    views, targets = scene.views, scene.having("target")
+    train, given = (scene.having(*wanted.roles) for wanted in (TRAIN, GIVEN))
     train_mesh, baseline = both(scene, inputs["depth"], out, clock, progress)
     sources = {"mesh": views.photo_id[train].tolist(), "baseline": views.photo_id[given].tolist()}
     (out / MESH_SOURCES).write_text(json.dumps(sources))
