@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -27,6 +28,7 @@ from aug3d_core.geometry.stored_points import IndexedPoints, StoredPoints
 from aug3d_core.geometry.views import Views, _Arrays
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.helper_process import WorkerDied
+from aug3d_core.run.linux_process import die_with_parent
 from aug3d_core.run.memory import total_bytes
 from aug3d_core.surface.clip import clip_to
 from aug3d_core.surface.clock import Clock
@@ -186,11 +188,17 @@ def affordable(most: int) -> int:
     return max(1, min(len(os.sched_getaffinity(0)), int(MEMORY_SHARE * free / (POINT_BYTES * most))))
 
 
+def own_processes(at_once: int) -> ProcessPoolExecutor:
+    """Return processes that end when this one is killed: a stage that is tried again finds nobody else at its work."""
+    as_child = (signal.SIGKILL, os.getpid())
+    return ProcessPoolExecutor(at_once, get_context("spawn"), initializer=die_with_parent, initargs=as_child)
+
+
 def _each(
     work: Callable[[tuple[int, Planned]], _Tried], tiles: list[tuple[int, Planned]], at_once: int
 ) -> Iterator[_Tried]:
     """Yield what is made of each tile, in their order, in processes of their own: their memory is given back."""
-    with ProcessPoolExecutor(at_once, mp_context=get_context("spawn")) as pool:
+    with own_processes(at_once) as pool:
         try:
             yield from pool.map(work, tiles)
         except BrokenProcessPool as error:

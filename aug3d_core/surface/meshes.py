@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +20,7 @@ from aug3d_core.split.files import read_roles
 from aug3d_core.surface.build import Built, build
 from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.config import SurfaceConfig
-from aug3d_core.surface.draw import affordable, draw
+from aug3d_core.surface.draw import affordable, draw, own_processes
 from aug3d_core.surface.files import (
     BASELINE_MESH,
     BASELINE_MESH_TEXTURE,
@@ -108,7 +106,7 @@ def both(scene: Scene, depth: Path, out: Path, clock: Clock, progress: Progress)
     if not each:
         first, second = (_made(scene, wanted, depth, out, each, clock, told, tick) for wanted in (TRAIN, GIVEN))
         return first, second
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+    with own_processes(1) as pool:
         beside = pool.submit(_made_beside, scene, depth, out, each)
         second = _made(scene, GIVEN, depth, out, each, clock, told, tick)
         try:

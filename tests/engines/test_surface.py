@@ -2,14 +2,17 @@ import gc
 import json
 import os
 import signal
+import time
 import weakref
 from dataclasses import replace
 from filecmp import cmp
+from multiprocessing import get_context
 from pathlib import Path
 from shutil import copytree
 
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 from PIL import Image, ImageOps
 
@@ -390,6 +393,30 @@ def test_a_mesh_whose_process_is_killed_is_an_error_that_is_tried_again(flight, 
     monkeypatch.undo()
     build_surface(flight, tmp_path, colour="vertex")
     assert (tmp_path / MESH).exists()
+
+
+def sleeping(*_):
+    time.sleep(120)
+
+
+def side_by_side_with_one_that_sleeps(flight: dict[str, Path], out: Path) -> None:
+    meshes.affordable = lambda most: 2
+    meshes._made_beside = sleeping
+    build_surface(flight, out, colour="vertex")
+
+
+def test_a_stage_that_is_killed_leaves_no_process_at_its_work(flight, tmp_path):
+    stage = get_context("spawn").Process(target=side_by_side_with_one_that_sleeps, args=(flight, tmp_path))
+    stage.start()
+    leader, beside, until = psutil.Process(stage.pid), list[psutil.Process](), time.monotonic() + 120
+    while not beside and time.monotonic() < until:
+        beside = [one for one in leader.children() if "resource_tracker" not in " ".join(one.cmdline())]
+        time.sleep(0.05)
+    assert beside
+    time.sleep(5)  # it has begun
+    stage.kill()
+    stage.join()
+    assert psutil.wait_procs(beside, timeout=60)[1] == []
 
 
 def test_side_by_side_the_progress_is_that_of_the_larger_mesh_and_only_grows(flight, tmp_path, monkeypatch):
