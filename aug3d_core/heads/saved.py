@@ -50,8 +50,7 @@ def _config(told: dict[str, Any]) -> HeadConfig:
     else:
         kind = config_of(FIRST)
         values = {"name": FIRST} | {name: told["config"][name] for name in kind.model_fields if name in told["config"]}
-    if untold := sorted(
-        kind.model_fields.keys() - values.keys() - {*kind.of_training}
-    ):  # a default could be another network
+    needed = kind.model_fields.keys() - {*kind.of_training}  # a default could be another network
+    if untold := sorted(needed - values.keys()):
         raise InputError(f"the model was trained before there was {', '.join(untold)}", AGAIN)
     return kind.model_validate(values)

@@ -12,6 +12,7 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import partial
 from multiprocessing import get_context
@@ -188,25 +189,27 @@ def affordable(most: int) -> int:
     return max(1, min(len(os.sched_getaffinity(0)), int(MEMORY_SHARE * free / (POINT_BYTES * most))))
 
 
-def own_processes(at_once: int) -> ProcessPoolExecutor:
-    """Return processes that end when this one is killed: a stage that is tried again finds nobody else at its work."""
+@contextmanager
+def own_processes(at_once: int, work: str) -> Iterator[ProcessPoolExecutor]:
+    """Give processes that end when this one is killed: a stage that is tried again finds nobody else at its work.
+
+    work: what they do, "draw a tile". Raises WorkerDied if one of them is killed.
+    """
     as_child = (signal.SIGKILL, os.getpid())
-    return ProcessPoolExecutor(at_once, get_context("spawn"), initializer=die_with_parent, initargs=as_child)
+    with ProcessPoolExecutor(at_once, get_context("spawn"), initializer=die_with_parent, initargs=as_child) as pool:
+        try:
+            yield pool
+        except BrokenProcessPool as error:
+            problem = f"a process that was to {work} was killed"
+            raise WorkerDied(problem, "It was killed, mostly for memory: lower depth.max_px.", "killed") from error
 
 
 def _each(
     work: Callable[[tuple[int, Planned]], _Tried], tiles: list[tuple[int, Planned]], at_once: int
 ) -> Iterator[_Tried]:
     """Yield what is made of each tile, in their order, in processes of their own: their memory is given back."""
-    with own_processes(at_once) as pool:
-        try:
-            yield from pool.map(work, tiles)
-        except BrokenProcessPool as error:
-            raise WorkerDied(
-                "a process that draws a tile of the surface was killed",
-                "It was killed, mostly for memory: lower depth.max_px.",
-                "killed",
-            ) from error
+    with own_processes(at_once, "draw a tile of the surface") as pool:
+        yield from pool.map(work, tiles)
 
 
 def _tile(work: _Work, fused: IndexedPoints, margin: float, numbered: tuple[int, Planned]) -> _Tried:

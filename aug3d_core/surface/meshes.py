@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from jaxtyping import Int
 from aug3d_core.depth.files import BASELINE_FUSED, FUSED
 from aug3d_core.geometry.stored_points import StoredPoints
 from aug3d_core.geometry.views import Tracks, Views
-from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.run.stage import Progress
 from aug3d_core.sfm.files import TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
@@ -106,17 +104,10 @@ def both(scene: Scene, depth: Path, out: Path, clock: Clock, progress: Progress)
     if not each:
         first, second = (_made(scene, wanted, depth, out, each, clock, told, tick) for wanted in (TRAIN, GIVEN))
         return first, second
-    with own_processes(1) as pool:
+    with own_processes(1, "make the mesh of the train photographs") as pool:
         beside = pool.submit(_made_beside, scene, depth, out, each)
         second = _made(scene, GIVEN, depth, out, each, clock, told, tick)
-        try:
-            first, spent = beside.result()
-        except BrokenProcessPool as error:
-            raise WorkerDied(
-                "the process that makes the mesh of the train photographs was killed",
-                "It was killed, mostly for memory: lower depth.max_px.",
-                "killed",
-            ) from error
+        first, spent = beside.result()
     clock.add(spent)
     return first, second
 

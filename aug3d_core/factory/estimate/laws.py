@@ -32,10 +32,8 @@ _TILED_MPX, _TILE_MIB = (
     3150.0,
 )  # of depth maps that give more points than one tile holds, and a tile's: surface/draw.py
 _TILES_SHARE = 0.5  # of the memory, for the tiles that are drawn at a time
-_LARGER_MESH, _BOTH_MESHES = (
-    0.65,
-    1.5,
-)  # seconds of the larger of two meshes, of both's; memory of both, over the larger's
+_LARGER_MESH = 0.65  # of the seconds that two meshes take on one core each: the larger's share
+_BOTH_MESHES = 1.5  # memory of two meshes side by side, over that of the larger
 _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
 _FUSED_MPX, _FUSED_MARGIN = (
     25.0,
