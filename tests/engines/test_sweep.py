@@ -15,7 +15,7 @@ from aug3d_core.dataset.warp import Inputs, Target, lookup
 from aug3d_core.heads.head import build
 from aug3d_core.heads.sweep.config import SweepConfig
 from aug3d_core.heads.sweep.head import _reshaped
-from aug3d_core.heads.sweep.network import Given, PlaneConv, _filled
+from aug3d_core.heads.sweep.network import Given, PlaneConv, Shown, _filled
 from aug3d_core.judging.cheap_answers import ground_homography
 from tests.toy_scene import toy_scene
 
@@ -75,11 +75,11 @@ def test_a_feature_stands_for_the_middle_of_its_square(stride):
 
 
 def test_at_the_true_depth_the_blend_shows_the_target(scene):
-    """Before it has learned anything: what is left is what the inputs do not show."""
+    """Before it has learned anything: what is left is what the inputs do not show, and that edges might stand elsewhere."""
     target, *inputs = scene.groups["test"][0]
     off, shown = blended_error(scene, int(target), np.array(inputs[:3]))
     flat = np.abs(ground_homography(scene, int(target), np.array(inputs[:3])) / 255.0 - scene.images[target] / 255.0)
-    assert off[shown].mean() < 0.5 * flat[shown].mean()
+    assert off[shown].mean() < 0.6 * flat[shown].mean()
 
 
 def test_finer_inputs_bring_the_blend_nearer_to_the_target(scene):
@@ -283,3 +283,54 @@ def test_colours_are_continued_smoothly_to_where_nothing_is_seen():
     assert beyond.min() >= colour[:, :, :10].min() and beyond.max() <= colour[:, :, :10].max()
     assert torch.equal(_filled(colour, torch.ones(1, 24, 32)), colour)
     assert torch.isfinite(_filled(colour, torch.zeros(1, 24, 32))).all()
+
+
+@pytest.fixture(scope="module")
+def at_edges(scene):
+    """A target with its true heights, and what an untrained head's edges make of colours that are told there."""
+    target, *views = scene.groups["test"][0]
+    views, network = np.array(views[:3]), head().network
+    rays, inputs = Target.of(scene, int(target), WHOLE, CPU), Inputs.of(scene, int(target), views, CPU)
+    rgba = torch.from_numpy(np.concatenate([scene.images[views], scene.alpha[views][..., None]], -1) / 255.0).float()
+    given = Given(
+        rgba.movedim(-1, 1),
+        torch.from_numpy(scene.fine(views) / 255.0).float().movedim(-1, 1),
+        rgba[..., :3].movedim(-1, 1),
+    )
+
+    def mixed(heights, share):
+        own = Shown(torch.full((3, 36, 48), -1.0), torch.zeros(1, 36, 48), share)
+        with torch.no_grad():
+            return network.blend.edges(
+                rays, inputs, heights, given, torch.zeros(3, 1, 36, 48), own, torch.zeros(16, 36, 48)
+            )
+
+    return rays.height_of(torch.from_numpy(true_depth(scene, int(target)))), mixed
+
+
+def test_away_from_edges_of_the_depth_a_pixel_keeps_its_own_colour(at_edges):
+    heights, mixed = at_edges
+    colour, some = mixed(torch.full_like(heights, 0.3), torch.ones(1, 36, 48))
+    assert torch.allclose(colour, torch.full_like(colour, -1.0)) and some.all()
+
+
+def test_beside_an_edge_a_pixel_takes_part_of_what_either_side_shows(at_edges):
+    """Its own colour, told as -1, is half of it at least; three pixels off nothing is taken."""
+    _, mixed = at_edges
+    heights = torch.full((36, 48), 0.2)
+    heights[:, 24:] = 0.4
+    colour, _ = mixed(heights, torch.ones(1, 36, 48))
+    taken = (colour[:, 8:28] + 1).amax(dim=(0, 1))
+    assert (taken[21:27] > 0.05).all(), "shown by the inputs at the other side's height"
+    assert taken[22:26].mean() > taken[[21, 26]].mean(), "less where only the wider of both looks reaches"
+    assert taken[:21].max() < 1e-5 and taken[27:].max() < 1e-5
+    assert (colour <= 0.5).all()
+
+
+def test_what_only_a_side_of_an_edge_shows_is_shown_and_yet_not_counted_as_seen(at_edges, scene):
+    _, mixed = at_edges
+    heights = torch.full((36, 48), 0.2)
+    heights[:, 24:] = 0.4
+    colour, some = mixed(heights, torch.zeros(1, 36, 48))
+    assert (colour[:, 8:28, 22:26] >= 0).all(), "nothing of its own colour"
+    assert some[0, 8:28, 22:26].all() and not some[0, :, :21].any()

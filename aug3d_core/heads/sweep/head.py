@@ -29,8 +29,8 @@ _HEIGHT_SOFT = 0.05  # the same of heights in the slab
 _PLANES = 0.1  # weight of the likelihood of the right planes, beside the error of the mean height
 _LEVEL = 0.3  # of the slab: about the ground, at which inputs are compared where no scaffold tells better
 _LEAST_ASIDE = 0.005  # 1 - cosine: looks that are closer to the target's are as close
-_OFF, _WAVE_PX = 0.03, 16  # of the errors given to exact scaffolds: at most this spread [slabs], one in so many px
-_MOST_PX = 3  # by which an edge of theirs is moved
+_OFF, _WAVE_PX = 0.01, 16  # of the errors given to exact scaffolds: at most this spread [slabs], one in so many px
+_MOST_BENT_PX, _BEND_PX = 2.0, 8  # by which edges of theirs are bent, and one in so many px
 
 Window = tuple[int, int, int, int]  # left, top, width, height, px
 
@@ -209,25 +209,25 @@ class SweepHead(Head):
 def _reshaped(
     heights: Float[Tensor, "h w"], known: Bool[Tensor, "h w"], noise: torch.Generator | None
 ) -> Float[Tensor, "h w"]:
-    """Return heights as a mesh may have them: as they are, wider, narrower, smooth, or without what is small.
+    """Return heights as a mesh may have them: edges bent by about a pixel, and in one of four without what is small.
 
     Those that are not known have no say, and come out as anything.
     """
-    reach = 1 + _drawn(_MOST_PX, noise)
-    kernel = (2 * reach + 1, 1, reach)
-
-    def widest(x: Tensor) -> Tensor:
-        return F.max_pool2d(torch.where(known, x, -torch.inf), *kernel)
-
-    def narrowest(x: Tensor) -> Tensor:
-        return -widest(-x)
-
-    def smooth(x: Tensor) -> Tensor:
-        share = F.avg_pool2d(known[None].float(), *kernel).clamp(min=1e-6)
-        return F.avg_pool2d(torch.where(known, x, 0.0), *kernel) / share
-
-    ways = (lambda x: x, widest, narrowest, smooth, lambda x: smooth(widest(narrowest(x))))
-    return ways[_drawn(len(ways), noise)](heights[None])[0]
+    if _drawn(4, noise) == 0:
+        reach = 1 + _drawn(2, noise)
+        kernel = (2 * reach + 1, 1, reach)
+        low = -F.max_pool2d(torch.where(known, -heights, -torch.inf)[None], *kernel)
+        heights = F.max_pool2d(torch.where(known, low, -torch.inf), *kernel)[0]
+    by = _MOST_BENT_PX * torch.rand((), generator=noise).item()
+    bends = (
+        torch.randn((1, 2, *(side // _BEND_PX + 2 for side in heights.shape)), generator=noise).to(heights.device) * by
+    )
+    bends = F.interpolate(bends, size=heights.shape, mode="bicubic", align_corners=False)[0]
+    y, x = (torch.arange(side, device=heights.device) + 0.5 for side in heights.shape)
+    xy_px = torch.stack([x + bends[0], y[:, None] + bends[1]], dim=-1)[None, None]
+    share = known.float()[None, None]
+    found = lookup(torch.cat([torch.where(known, heights, 0.0)[None, None], share], dim=1), xy_px, 1)[0, :, 0]
+    return found[0] / found[1].clamp(min=1e-6)
 
 
 def _exposures(

@@ -6,6 +6,7 @@ blend of the inputs' pixels (ENeRF).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -13,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from aug3d_core.dataset.scene import FINER
 from aug3d_core.dataset.warp import Inputs, Target, fine_colours, lookup
 from aug3d_core.heads.sweep.config import SweepConfig
 
@@ -24,6 +26,8 @@ _BEYOND = 1.5  # spreads that the fine planes reach to either side
 _SLOPE = 0.1  # of rectifiers below 0
 _LEAST_ALPHA = 0.5  # of an input, from which it shows something
 _ASIDE = 0.01  # 1 - cosine, 8 degrees: inputs that look at a point from less far beside the target are about as good
+_BESIDE_PX = 1, 3  # of a pixel: from how far off it may have its depth, where that has an edge
+_LEAST_EDGE = 0.01  # of the slab: a side that is closer to a pixel's own height shows the same
 # Of the slab: how far off a scaffold is taken to be. Over eight scenes 0.03 loses 0.03 dB on average, 0.006 is as good
 _SCAFFOLD_SPREAD = 0.012
 
@@ -264,7 +268,11 @@ class Blend(nn.Module):
         self.vote = nn.Conv2d(16, 1, 3, padding=1)
         self.enter, self.down, self.deep = _conv(16 + 3 + 1, 16), _halving(16, 32), _conv(32, 32)
         self.up, self.leave = nn.Conv2d(32, 16, 1), nn.Conv2d(16, 3, 3, padding=1)
-        for parameter in (*self.vote.parameters(), *self.leave.parameters()):  # begin as a blend by viewing angle alone
+        self.edges = Edges(16)
+        last = (self.vote, self.leave, self.edges.leave)
+        for parameter in (
+            one for layer in last for one in layer.parameters()
+        ):  # begin as a blend by viewing angle alone
             nn.init.zeros_(parameter)
 
     def forward(
@@ -276,31 +284,122 @@ class Blend(nn.Module):
         maps: Float[Tensor, "v c y2 x2"],
     ) -> tuple[Float[Tensor, "3 h w"], Bool[Tensor, "h w"]]:
         """Return the colours at a depth, and where any input shows them."""
-        xy_px, inside = inputs.project(target, depth[None])
-        pixels, known = (lookup(images, xy_px, 1)[:, :, 0] for images in (given.rgba, given.even))
+        xy_px, seen, angle = _looked_at(target, inputs, depth, given)
+        known = lookup(given.even, xy_px, 1)[:, :, 0]
         heights = target.height_of(depth)
-        colours = fine_colours(target, inputs, given.fine, heights)
         features, guess = lookup(maps, xy_px, FINE)[:, :, 0].split([maps.shape[1] - 1, 1], dim=1)
         above = guess - heights  # an input that shows something higher there does not see the point
-        seen = (inside & (pixels[:, 3:] > _LEAST_ALPHA)).float()
-        if given.scaffolds is not None:
-            seen = seen * ~inputs.hidden(target, depth, given.scaffolds, xy_px)[:, None]
         mean = _mean(known, seen)
-        angle = 1 - inputs.cosines(target, depth)[:, None]
         told = torch.cat([known * 2 - 1, features, above * 5, (known - mean) * 4, seen, angle * 5], dim=1)
         each = self.each(_channels_last(F.avg_pool2d(told, 2)))
         seen_half = F.avg_pool2d(seen, 2)
         mean_each, most = _mean(each, seen_half), each.amax(dim=0, keepdim=True)
         together = self.own(each) + self.of_all(torch.cat([mean_each, most], dim=1))
         votes = _resized(self.vote(F.leaky_relu(together, _SLOPE)), seen)
-        weight = (votes + torch.log(seen + 1e-4) - torch.log(angle + _ASIDE)).softmax(dim=0)
-        some = seen.amax(dim=0)
-        colour = _filled((colours * weight).sum(dim=0), some)
-        x = self.enter(_channels_last(torch.cat([_resized(mean_each, seen)[0], colour * 2 - 1, some])[None]))
+        own = Shown.of(fine_colours(target, inputs, given.fine, heights), seen, angle, votes)
+        context = _resized(mean_each, seen)[0]
+        colour, some = self.edges(target, inputs, heights, given, votes, own, context)
+        colour = _filled(colour, some)
+        x = self.enter(_channels_last(torch.cat([context, colour * 2 - 1, some])[None]))
         deep = _resized(self.up(self.deep(self.down(x))), x)
         # An input beside the target shows what is there: what is learned of renders would make a photograph too sharp
         aside = torch.where(seen > 0, angle, torch.ones_like(angle)).amin(dim=0)
-        return colour + self.leave(x + deep)[0] * (aside / (aside + _ASIDE)), some[0] > 0
+        return colour + self.leave(x + deep)[0] * (aside / (aside + _ASIDE)), own.share[0] > 0
+
+
+class Shown(NamedTuple):
+    """What the inputs show at some depth: blended, how far they differ, and the share of them that see it."""
+
+    colour: Float[Tensor, "3 h w"]
+    spread: Float[Tensor, "1 h w"]
+    share: Float[Tensor, "1 h w"]
+
+    @classmethod
+    def of(
+        cls,
+        colours: Float[Tensor, "v 3 h w"],
+        seen: Float[Tensor, "v 1 h w"],
+        angle: Float[Tensor, "v 1 h w"],
+        votes: Float[Tensor, "v 1 h w"],
+    ) -> Shown:
+        """Blend colours, by the votes and by how far beside the target each input looks (1 - cosine)."""
+        weight = (votes + torch.log(seen + 1e-4) - torch.log(angle + _ASIDE)).softmax(dim=0)
+        colour = (colours * weight).sum(dim=0)
+        variance = ((colours - colour) ** 2).mean(dim=1, keepdim=True)
+        return cls(colour, ((variance * weight).sum(dim=0) + 1e-6).sqrt(), seen.mean(dim=0))
+
+
+class Edges(nn.Module):
+    """Colour where the depth has an edge: a mixture of what the inputs show at the depths of its two sides.
+
+    The edge may stand a pixel or more beside the true one: one depth is then right or altogether wrong, a mixture errs less.
+    """
+
+    def __init__(self, context: int) -> None:
+        super().__init__()
+        sides = 2 * len(_BESIDE_PX)
+        self.mix = nn.Sequential(_conv(5 * (1 + sides) + sides + context, 16), _conv(16, 16))
+        self.leave = nn.Conv2d(16, 1 + sides, 3, padding=1)
+
+    def forward(
+        self,
+        target: Target,
+        inputs: Inputs,
+        heights: Float[Tensor, "h w"],
+        given: Given,
+        votes: Float[Tensor, "v 1 h w"],
+        own: Shown,
+        context: Float[Tensor, "c h w"],
+    ) -> tuple[Float[Tensor, "3 h w"], Float[Tensor, "1 h w"]]:
+        """Return the colours, and 1 where any input shows any of them. own: what is shown at the heights."""
+        sides = [side for px in _BESIDE_PX for side in (_highest(heights, px), -_highest(-heights, px))]
+        shown = [own, *(_shown_at(target, inputs, side, given, votes, own, (side - heights).abs()) for side in sides)]
+        told = [own.colour * 2 - 1, *((one.colour - own.colour) * 4 for one in shown[1:])]
+        told += [one.spread * 10 for one in shown] + [one.share for one in shown]
+        gaps = (torch.stack(sides) - heights) * 5
+        share = torch.cat([one.share for one in shown]) > 0
+        mixed = self.leave(self.mix(_channels_last(torch.cat([*told, gaps, context])[None])))[0]
+        mixed = mixed + torch.log(share + 1e-4)
+        weight = torch.cat([mixed[:1] + math.log(len(sides)), mixed[1:]]).softmax(dim=0)  # begin as half of its own
+        colour = torch.stack([one.colour * part for one, part in zip(shown, weight, strict=True)]).sum(dim=0)
+        return colour, share.any(dim=0, keepdim=True).float()
+
+
+def _highest(heights: Float[Tensor, "h w"], px: int) -> Float[Tensor, "h w"]:
+    """Return the highest of the heights that are so many pixels off or less."""
+    wide = 2 * px + 1
+    return F.max_pool2d(F.max_pool2d(heights[None], (1, wide), 1, (0, px)), (wide, 1), 1, (px, 0))[0]
+
+
+def _shown_at(
+    target: Target,
+    inputs: Inputs,
+    heights: Float[Tensor, "h w"],
+    given: Given,
+    votes: Float[Tensor, "v 1 h w"],
+    own: Shown,
+    off: Float[Tensor, "h w"],
+) -> Shown:
+    """Return what the inputs show at heights that are this far off a pixel's own, where that is far enough, else `own`.
+
+    These pixels are few, and are looked up as one row.
+    """
+    far = off > _LEAST_EDGE
+    some = Target(target.rays[far][None], target.rise[far][None], target.height, target.far)
+    xy_px, seen, angle = _looked_at(some, inputs, some.depth_at(heights[far][None]), given)
+    there = Shown.of(lookup(given.fine, xy_px, 1 / FINER)[:, :, 0], seen, angle, votes[..., far][:, :, None])
+    return Shown(*(whole.masked_scatter(far, part) for whole, part in zip(own, there, strict=True)))
+
+
+def _looked_at(
+    target: Target, inputs: Inputs, depth: Float[Tensor, "h w"], given: Given
+) -> tuple[Float[Tensor, "v 1 h w 2"], Float[Tensor, "v 1 h w"], Float[Tensor, "v 1 h w"]]:
+    """Return where points lie in each input, 1 where it sees them, and how far beside the target it looks (1 - cosine)."""
+    xy_px, inside = inputs.project(target, depth[None])
+    seen = (inside & (lookup(given.rgba[:, 3:], xy_px, 1)[:, :, 0] > _LEAST_ALPHA)).float()
+    if given.scaffolds is not None:
+        seen = seen * ~inputs.hidden(target, depth, given.scaffolds, xy_px)[:, None]
+    return xy_px, seen, 1 - inputs.cosines(target, depth)[:, None]
 
 
 def _mean(values: Float[Tensor, "v c *n"], seen: Float[Tensor, "v 1 *n"]) -> Float[Tensor, "1 c *n"]:
