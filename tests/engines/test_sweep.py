@@ -107,15 +107,18 @@ def test_an_input_that_looks_from_beside_the_target_is_what_is_shown(scene):
 
 def blended_error(scene, target, views):
     """Return how far the blend at the true depth is from a photograph, and where any input shows it."""
-    network, rays = head().network, Target.of(scene, target, WHOLE, CPU)
-    rgba = torch.from_numpy(np.concatenate([scene.images[views], scene.alpha[views][..., None]], -1) / 255.0).float()
-    rgba = rgba.movedim(-1, 1)
-    given = Given(rgba, torch.from_numpy(scene.fine(views) / 255.0).float().movedim(-1, 1), rgba[:, :3])
+    network, rays, given = head().network, Target.of(scene, target, WHOLE, CPU), given_of(scene, views)
     depth = torch.from_numpy(true_depth(scene, target))
     with torch.no_grad():
         colour, shown = network.blend(rays, Inputs.of(scene, target, views, CPU), depth, given,
                                       torch.zeros(3, 12, 18, 24))  # fmt: skip
     return np.abs(colour.movedim(0, -1).numpy() - scene.images[target] / 255.0), shown.numpy()
+
+
+def given_of(scene, views):
+    rgba = torch.from_numpy(np.concatenate([scene.images[views], scene.alpha[views][..., None]], -1) / 255.0).float()
+    rgba = rgba.movedim(-1, 1)
+    return Given(rgba, torch.from_numpy(scene.fine(views) / 255.0).float().movedim(-1, 1), rgba[:, :3])
 
 
 def true_depth(scene, view):
@@ -286,40 +289,34 @@ def test_colours_are_continued_smoothly_to_where_nothing_is_seen():
 
 
 @pytest.fixture(scope="module")
-def at_edges(scene):
-    """A target with its true heights, and what an untrained head's edges make of colours that are told there."""
+def mixed(scene):
+    """What an untrained head's edges make of heights with a step of 0.2 in the middle, or as given, and of a colour of -1."""
     target, *views = scene.groups["test"][0]
-    views, network = np.array(views[:3]), head().network
-    rays, inputs = Target.of(scene, int(target), WHOLE, CPU), Inputs.of(scene, int(target), views, CPU)
-    rgba = torch.from_numpy(np.concatenate([scene.images[views], scene.alpha[views][..., None]], -1) / 255.0).float()
-    given = Given(
-        rgba.movedim(-1, 1),
-        torch.from_numpy(scene.fine(views) / 255.0).float().movedim(-1, 1),
-        rgba[..., :3].movedim(-1, 1),
+    views, edges = np.array(views[:3]), head().network.blend.edges
+    rays, inputs, given = (
+        Target.of(scene, int(target), WHOLE, CPU),
+        Inputs.of(scene, int(target), views, CPU),
+        given_of(scene, views),
     )
+    step = torch.full((36, 48), 0.2)
+    step[:, 24:] = 0.4
 
-    def mixed(heights, share):
-        own = Shown(torch.full((3, 36, 48), -1.0), torch.zeros(1, 36, 48), share)
+    def of(seen, heights=step):
+        own = Shown(torch.full((3, 36, 48), -1.0), torch.zeros(1, 36, 48), torch.full((1, 36, 48), seen))
         with torch.no_grad():
-            return network.blend.edges(
-                rays, inputs, heights, given, torch.zeros(3, 1, 36, 48), own, torch.zeros(16, 36, 48)
-            )
+            return edges(rays, inputs, heights, given, torch.zeros(3, 1, 36, 48), own, torch.zeros(16, 36, 48))
 
-    return rays.height_of(torch.from_numpy(true_depth(scene, int(target)))), mixed
+    return of
 
 
-def test_away_from_edges_of_the_depth_a_pixel_keeps_its_own_colour(at_edges):
-    heights, mixed = at_edges
-    colour, some = mixed(torch.full_like(heights, 0.3), torch.ones(1, 36, 48))
+def test_away_from_edges_of_the_depth_a_pixel_keeps_its_own_colour(mixed):
+    colour, some = mixed(1.0, torch.full((36, 48), 0.3))
     assert torch.allclose(colour, torch.full_like(colour, -1.0)) and some.all()
 
 
-def test_beside_an_edge_a_pixel_takes_part_of_what_either_side_shows(at_edges):
-    """Its own colour, told as -1, is half of it at least; three pixels off nothing is taken."""
-    _, mixed = at_edges
-    heights = torch.full((36, 48), 0.2)
-    heights[:, 24:] = 0.4
-    colour, _ = mixed(heights, torch.ones(1, 36, 48))
+def test_beside_an_edge_a_pixel_takes_part_of_what_either_side_shows(mixed):
+    """Its own colour is half of it at least; more than three pixels off nothing is taken."""
+    colour, _ = mixed(1.0)
     taken = (colour[:, 8:28] + 1).amax(dim=(0, 1))
     assert (taken[21:27] > 0.05).all(), "shown by the inputs at the other side's height"
     assert taken[22:26].mean() > taken[[21, 26]].mean(), "less where only the wider of both looks reaches"
@@ -327,10 +324,17 @@ def test_beside_an_edge_a_pixel_takes_part_of_what_either_side_shows(at_edges):
     assert (colour <= 0.5).all()
 
 
-def test_what_only_a_side_of_an_edge_shows_is_shown_and_yet_not_counted_as_seen(at_edges, scene):
-    _, mixed = at_edges
-    heights = torch.full((36, 48), 0.2)
-    heights[:, 24:] = 0.4
-    colour, some = mixed(heights, torch.zeros(1, 36, 48))
+def test_what_only_a_side_of_an_edge_shows_is_shown(mixed):
+    colour, some = mixed(0.0)
     assert (colour[:, 8:28, 22:26] >= 0).all(), "nothing of its own colour"
     assert some[0, 8:28, 22:26].all() and not some[0, :, :21].any()
+
+
+def test_what_only_a_side_of_an_edge_shows_is_not_counted_as_seen(scene, monkeypatch):
+    """So that the mesh shows it: a wall that no input sees had the colour of the roof above it."""
+    members, model = scene.groups["test"][0], head().eval()
+    poses = scene.world_from_cam.copy()
+    poses[members[1:], 0, 3] += 1e4
+    shown = lambda *told: (told[5].colour, torch.ones_like(told[5].share))  # noqa: E731
+    monkeypatch.setattr(model.network.blend.edges, "forward", shown)
+    assert not model.predict(replace(scene, world_from_cam=poses), int(members[0]), members[1:4]).seen.any()

@@ -269,11 +269,9 @@ class Blend(nn.Module):
         self.enter, self.down, self.deep = _conv(16 + 3 + 1, 16), _halving(16, 32), _conv(32, 32)
         self.up, self.leave = nn.Conv2d(32, 16, 1), nn.Conv2d(16, 3, 3, padding=1)
         self.edges = Edges(16)
-        last = (self.vote, self.leave, self.edges.leave)
-        for parameter in (
-            one for layer in last for one in layer.parameters()
-        ):  # begin as a blend by viewing angle alone
-            nn.init.zeros_(parameter)
+        for layer in (self.vote, self.leave, self.edges.leave):  # begin as a blend by viewing angle alone
+            for parameter in layer.parameters():
+                nn.init.zeros_(parameter)
 
     def forward(
         self,
