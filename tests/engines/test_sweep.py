@@ -15,7 +15,7 @@ from aug3d_core.dataset.warp import Inputs, Target, lookup
 from aug3d_core.heads.head import build
 from aug3d_core.heads.sweep.config import SweepConfig
 from aug3d_core.heads.sweep.head import _reshaped
-from aug3d_core.heads.sweep.network import Given, PlaneConv, Shown, _filled
+from aug3d_core.heads.sweep.network import Given, PlaneConv, Shown, Sight, _filled
 from aug3d_core.judging.cheap_answers import ground_homography
 from tests.toy_scene import toy_scene
 
@@ -110,8 +110,8 @@ def blended_error(scene, target, views):
     network, rays, given = head().network, Target.of(scene, target, WHOLE, CPU), given_of(scene, views)
     depth = torch.from_numpy(true_depth(scene, target))
     with torch.no_grad():
-        colour, shown = network.blend(rays, Inputs.of(scene, target, views, CPU), depth, given,
-                                      torch.zeros(3, 12, 18, 24))  # fmt: skip
+        sight = Sight(rays, Inputs.of(scene, target, views, CPU), given)
+        colour, shown = network.blend(sight, depth, torch.zeros(3, 12, 18, 24))
     return np.abs(colour.movedim(0, -1).numpy() - scene.images[target] / 255.0), shown.numpy()
 
 
@@ -293,10 +293,8 @@ def mixed(scene):
     """What an untrained head's edges make of heights with a step of 0.2 in the middle, or as given, and of a colour of -1."""
     target, *views = scene.groups["test"][0]
     views, edges = np.array(views[:3]), head().network.blend.edges
-    rays, inputs, given = (
-        Target.of(scene, int(target), WHOLE, CPU),
-        Inputs.of(scene, int(target), views, CPU),
-        given_of(scene, views),
+    sight = Sight(
+        Target.of(scene, int(target), WHOLE, CPU), Inputs.of(scene, int(target), views, CPU), given_of(scene, views)
     )
     step = torch.full((36, 48), 0.2)
     step[:, 24:] = 0.4
@@ -304,7 +302,7 @@ def mixed(scene):
     def of(seen, heights=step):
         own = Shown(torch.full((3, 36, 48), -1.0), torch.zeros(1, 36, 48), torch.full((1, 36, 48), seen))
         with torch.no_grad():
-            return edges(rays, inputs, heights, given, torch.zeros(3, 1, 36, 48), own, torch.zeros(16, 36, 48))
+            return edges(sight, heights, torch.zeros(3, 1, 36, 48), own, torch.zeros(16, 36, 48))
 
     return of
 
@@ -335,6 +333,9 @@ def test_what_only_a_side_of_an_edge_shows_is_not_counted_as_seen(scene, monkeyp
     members, model = scene.groups["test"][0], head().eval()
     poses = scene.world_from_cam.copy()
     poses[members[1:], 0, 3] += 1e4
-    shown = lambda *told: (told[5].colour, torch.ones_like(told[5].share))  # noqa: E731
-    monkeypatch.setattr(model.network.blend.edges, "forward", shown)
+
+    def all_shown(_, __, ___, own, ____):
+        return own.colour, torch.ones_like(own.share)
+
+    monkeypatch.setattr(model.network.blend.edges, "forward", all_shown)
     assert not model.predict(replace(scene, world_from_cam=poses), int(members[0]), members[1:4]).seen.any()

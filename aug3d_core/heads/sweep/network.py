@@ -68,6 +68,26 @@ class Given(NamedTuple):
     start: Float[Tensor, "h w"] | None = None
 
 
+class Sight(NamedTuple):
+    """A target, and the inputs that look at what it sees."""
+
+    target: Target
+    inputs: Inputs
+    given: Given
+
+    def at(
+        self, depth: Float[Tensor, "h w"]
+    ) -> tuple[Float[Tensor, "v 1 h w 2"], Float[Tensor, "v 1 h w"], Float[Tensor, "v 1 h w"]]:
+        """Return where the target's points lie in each input [px], 1 where it sees them, and how far beside the target it looks
+        (1 - cosine).
+        """
+        xy_px, inside = self.inputs.project(self.target, depth[None])
+        seen = (inside & (lookup(self.given.rgba[:, 3:], xy_px, 1)[:, :, 0] > _LEAST_ALPHA)).float()
+        if self.given.scaffolds is not None:
+            seen = seen * ~self.inputs.hidden(self.target, depth, self.given.scaffolds, xy_px)[:, None]
+        return xy_px, seen, 1 - self.inputs.cosines(self.target, depth)[:, None]
+
+
 class SweepNetwork(nn.Module):
     """All layers."""
 
@@ -114,7 +134,7 @@ class SweepNetwork(nn.Module):
         step = 2 * _BEYOND / (self.config.fine_planes - 1)
         confidence = confidence * (share * ((steps - found).abs() <= step)).sum(dim=0)
         depth = target.depth_at(self._sharp(target, given.start, off, middle + off))
-        colour, seen = self.blend(target, inputs, depth, given, fine_maps)
+        colour, seen = self.blend(Sight(target, inputs, given), depth, fine_maps)
         return Seen(colour, depth, _at(target, confidence).detach(), seen, tuple(volumes), guesses)
 
     @staticmethod
@@ -274,17 +294,12 @@ class Blend(nn.Module):
                 nn.init.zeros_(parameter)
 
     def forward(
-        self,
-        target: Target,
-        inputs: Inputs,
-        depth: Float[Tensor, "h w"],
-        given: Given,
-        maps: Float[Tensor, "v c y2 x2"],
+        self, sight: Sight, depth: Float[Tensor, "h w"], maps: Float[Tensor, "v c y2 x2"]
     ) -> tuple[Float[Tensor, "3 h w"], Bool[Tensor, "h w"]]:
         """Return the colours at a depth, and where any input shows them."""
-        xy_px, seen, angle = _looked_at(target, inputs, depth, given)
-        known = lookup(given.even, xy_px, 1)[:, :, 0]
-        heights = target.height_of(depth)
+        xy_px, seen, angle = sight.at(depth)
+        known = lookup(sight.given.even, xy_px, 1)[:, :, 0]
+        heights = sight.target.height_of(depth)
         features, guess = lookup(maps, xy_px, FINE)[:, :, 0].split([maps.shape[1] - 1, 1], dim=1)
         above = guess - heights  # an input that shows something higher there does not see the point
         mean = _mean(known, seen)
@@ -294,9 +309,9 @@ class Blend(nn.Module):
         mean_each, most = _mean(each, seen_half), each.amax(dim=0, keepdim=True)
         together = self.own(each) + self.of_all(torch.cat([mean_each, most], dim=1))
         votes = _resized(self.vote(F.leaky_relu(together, _SLOPE)), seen)
-        own = Shown.of(fine_colours(target, inputs, given.fine, heights), seen, angle, votes)
+        own = Shown.of(fine_colours(sight.target, sight.inputs, sight.given.fine, heights), seen, angle, votes)
         context = _resized(mean_each, seen)[0]
-        colour, some = self.edges(target, inputs, heights, given, votes, own, context)
+        colour, some = self.edges(sight, heights, votes, own, context)
         colour = _filled(colour, some)
         x = self.enter(_channels_last(torch.cat([context, colour * 2 - 1, some])[None]))
         deep = _resized(self.up(self.deep(self.down(x))), x)
@@ -341,17 +356,15 @@ class Edges(nn.Module):
 
     def forward(
         self,
-        target: Target,
-        inputs: Inputs,
+        sight: Sight,
         heights: Float[Tensor, "h w"],
-        given: Given,
         votes: Float[Tensor, "v 1 h w"],
         own: Shown,
         context: Float[Tensor, "c h w"],
     ) -> tuple[Float[Tensor, "3 h w"], Float[Tensor, "1 h w"]]:
         """Return the colours, and 1 where any input shows any of them. own: what is shown at the heights."""
         sides = [side for px in _BESIDE_PX for side in (_highest(heights, px), -_highest(-heights, px))]
-        shown = [own, *(_shown_at(target, inputs, side, given, votes, own, (side - heights).abs()) for side in sides)]
+        shown = [own, *(_shown_at(sight, side, votes, own, (side - heights).abs()) for side in sides)]
         told = [own.colour * 2 - 1, *((one.colour - own.colour) * 4 for one in shown[1:])]
         told += [one.spread * 10 for one in shown] + [one.share for one in shown]
         gaps = (torch.stack(sides) - heights) * 5
@@ -370,10 +383,8 @@ def _highest(heights: Float[Tensor, "h w"], px: int) -> Float[Tensor, "h w"]:
 
 
 def _shown_at(
-    target: Target,
-    inputs: Inputs,
+    sight: Sight,
     heights: Float[Tensor, "h w"],
-    given: Given,
     votes: Float[Tensor, "v 1 h w"],
     own: Shown,
     off: Float[Tensor, "h w"],
@@ -383,21 +394,11 @@ def _shown_at(
     These pixels are few, and are looked up as one row.
     """
     far = off > _LEAST_EDGE
+    target = sight.target
     some = Target(target.rays[far][None], target.rise[far][None], target.height, target.far)
-    xy_px, seen, angle = _looked_at(some, inputs, some.depth_at(heights[far][None]), given)
-    there = Shown.of(lookup(given.fine, xy_px, 1 / FINER)[:, :, 0], seen, angle, votes[..., far][:, :, None])
+    xy_px, seen, angle = sight._replace(target=some).at(some.depth_at(heights[far][None]))
+    there = Shown.of(lookup(sight.given.fine, xy_px, 1 / FINER)[:, :, 0], seen, angle, votes[..., far][:, :, None])
     return Shown(*(whole.masked_scatter(far, part) for whole, part in zip(own, there, strict=True)))
-
-
-def _looked_at(
-    target: Target, inputs: Inputs, depth: Float[Tensor, "h w"], given: Given
-) -> tuple[Float[Tensor, "v 1 h w 2"], Float[Tensor, "v 1 h w"], Float[Tensor, "v 1 h w"]]:
-    """Return where points lie in each input, 1 where it sees them, and how far beside the target it looks (1 - cosine)."""
-    xy_px, inside = inputs.project(target, depth[None])
-    seen = (inside & (lookup(given.rgba[:, 3:], xy_px, 1)[:, :, 0] > _LEAST_ALPHA)).float()
-    if given.scaffolds is not None:
-        seen = seen * ~inputs.hidden(target, depth, given.scaffolds, xy_px)[:, None]
-    return xy_px, seen, 1 - inputs.cosines(target, depth)[:, None]
 
 
 def _mean(values: Float[Tensor, "v c *n"], seen: Float[Tensor, "v 1 *n"]) -> Float[Tensor, "1 c *n"]:
