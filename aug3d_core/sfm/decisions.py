@@ -53,6 +53,13 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
             else f"held-out error with that of EXIF is {ratio:.2f} times that with a fitted one, {moved:.2g} % off",
             rule="what photographs state, unless a fitted one gains half of what it moves, and 2 %",
         )
+    if (light := metrics.get("corner_light")) is not None:
+        yield Decision(
+            field="sfm.falloff",
+            value="evened out in all photographs" if metrics["light_evened"] else "left as it is",
+            measured=f"corners have {light:.1%} of the light of the middle, give or take {metrics['corner_light_sigma']:.1%}",
+            rule="evened out where corners surely lose 3 %",
+        )
     if up := metrics["up_from"]:
         yield Decision(
             field="sfm.up",

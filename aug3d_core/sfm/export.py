@@ -16,6 +16,7 @@ from aug3d_core.geometry.masks import LEAST_USED, save_mask, used_pixels
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
+from aug3d_core.sfm.falloff import Falloff
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,17 @@ def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
     return pycolmap.undistort_camera(_options(), camera)
 
 
-def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path, known: Mapping[int, Path]) -> None:
-    """Write the undistorted image of every placed photograph; those that are known, by photo id, are copied."""
+def write_undistorted(
+    model: pycolmap.Reconstruction,
+    photos: Path,
+    out: Path,
+    known: Mapping[int, Path],
+    falloffs: Mapping[int, Falloff | None],
+) -> None:
+    """Write the undistorted image of every placed photograph; those that are known, by photo id, are copied.
+
+    falloffs: of cameras by id, which are evened out.
+    """
     out.mkdir(parents=True, exist_ok=True)
     for image in registered(model):
         if photo_id(image) in known:
@@ -93,7 +103,10 @@ def write_undistorted(model: pycolmap.Reconstruction, photos: Path, out: Path, k
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
         undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
-        Image.fromarray(undistorted.to_array()).save(out / image_name(photo_id(image)), compress_level=1)
+        pixels, falloff = undistorted.to_array(), falloffs.get(image.camera_id)
+        if falloff and falloff.evened:
+            pixels = falloff.even(pixels, undistorted_camera(model.camera(image.camera_id)).params)
+        Image.fromarray(pixels).save(out / image_name(photo_id(image)), compress_level=1)
 
 
 def write_undistorted_masks(model: pycolmap.Reconstruction, masks: Path, out: Path) -> None:

@@ -10,6 +10,7 @@ VIEW_MASKS = "masks"  # of the views that have one, beside their images
 POINTS = "points.npz"
 TRACKS = "tracks.npz"
 WORLD = "world.json"
+FALLOFF = "falloff.json"
 CONTROL_POINTS = "control_points.parquet"  # there if the photographs have ground control points
 COLMAP_MODEL = "model"
 COMPONENTS = "components.json"

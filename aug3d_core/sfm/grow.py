@@ -17,17 +17,19 @@ import pycolmap
 
 from aug3d_core.photos.files import image_name
 from aug3d_core.sfm import export
-from aug3d_core.sfm.files import COLMAP_MODEL, COMPONENTS, VIEW_IMAGES
+from aug3d_core.sfm.falloff import Falloff, read_falloffs
+from aug3d_core.sfm.files import COLMAP_MODEL, COMPONENTS, FALLOFF, VIEW_IMAGES
 
 _LEAST = 0.5  # of today's photographs: less would rest the larger part of a scene on the smaller
 
 
 @dataclass(frozen=True)
 class Earlier:
-    """An earlier model with today's ids, and its undistorted images by today's photo id."""
+    """An earlier model with today's ids, its undistorted images by today's photo id, and what its cameras' corners lose."""
 
     model: pycolmap.Reconstruction
     images: dict[int, Path]
+    falloffs: dict[int, Falloff | None]
 
     def images_as_they_are(self, grown: pycolmap.Reconstruction) -> dict[int, Path]:
         """Return the images that undistorting again would give, for their cameras have not changed."""
@@ -57,13 +59,21 @@ def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> E
         now = {export.photo_id(image): int(today[was[export.photo_id(image)]]) for image in export.registered(model)}
         renumbered = _renumbered(model, now, database)
         if renumbered is not None:
-            folder_of_images = files / VIEW_IMAGES
-            best = Earlier(renumbered, {new: folder_of_images / image_name(old) for old, new in now.items()})
+            grown, camera_was = renumbered
+            falloffs, folder_of_images = read_falloffs(files / FALLOFF), files / VIEW_IMAGES
+            best = Earlier(
+                grown,
+                {new: folder_of_images / image_name(old) for old, new in now.items()},
+                {new: falloffs[old] for new, old in camera_was.items()},
+            )
     return best
 
 
-def _renumbered(model: pycolmap.Reconstruction, now: dict[int, int], database: Path) -> pycolmap.Reconstruction | None:
-    """Return the model with the database's ids; None if keypoints differ, or cameras are shared otherwise.
+def _renumbered(
+    model: pycolmap.Reconstruction, now: dict[int, int], database: Path
+) -> tuple[pycolmap.Reconstruction, dict[int, int]] | None:
+    """Return the model with the database's ids, and its own ids of cameras by these; None if keypoints differ, or cameras are
+    shared otherwise.
 
     now: photo ids by those of the model.
     """
@@ -87,7 +97,7 @@ def _renumbered(model: pycolmap.Reconstruction, now: dict[int, int], database: P
         for element in point.track.elements:
             track.add_element(image_now[element.image_id], element.point2D_idx)
         grown.add_point3D(point.xyz, track, point.color)
-    return grown
+    return grown, camera_was
 
 
 def _with_id(camera: pycolmap.Camera, camera_id: int) -> pycolmap.Camera:

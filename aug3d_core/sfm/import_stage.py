@@ -19,6 +19,7 @@ from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Inputs, Outcome, Progress
 from aug3d_core.sfm import export
 from aug3d_core.sfm.agreement import detail_agreement
+from aug3d_core.sfm.camera_falloffs import measure_falloffs
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
@@ -58,12 +59,13 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     located, arrays = align_model(
         model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed), adjusting=False
     )
-    write_outputs(model, arrays, [], located, photos, images, out)
+    falloffs = measure_falloffs(model, images, {})
+    write_outputs(model, arrays, [], located, photos, images, out, falloffs)
     _unplaced(photos, given, refused).to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, located, photos)
     shutter = measure_rolling_shutter(arrays.views, arrays.points, arrays.tracks, photos)
     metrics = (
-        model_metrics(model, arrays, located, photos, doming)
+        model_metrics(model, arrays, located, photos, doming, falloffs)
         | shutter_metrics(shutter)
         | {
             "components": 1,

@@ -14,6 +14,7 @@ from aug3d_core.photos.files import PHOTO_IMAGES, read_control_marks, read_photo
 from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm import export
+from aug3d_core.sfm.camera_falloffs import measure_falloffs
 from aug3d_core.sfm.camera_model import Chosen, as_it_was, choose_camera_model
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.decisions import sfm_decisions
@@ -64,13 +65,14 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         chosen.model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed)
     )
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
-    write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, known)
+    falloffs = measure_falloffs(chosen.model, images, earlier.falloffs if earlier else {})
+    write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, falloffs, known)
     shutil.rmtree(out / MAPPING, ignore_errors=True)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
     unplaced.to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, located, photos)
-    metrics = model_metrics(chosen.model, arrays, located, photos, doming) | _choices(mapped, chosen)
+    metrics = model_metrics(chosen.model, arrays, located, photos, doming, falloffs) | _choices(mapped, chosen)
     shutter = measure_rolling_shutter(arrays.views, arrays.points, arrays.tracks, photos)
     joint = weakest_joint(arrays.tracks, len(arrays.views))
     metrics |= shutter_metrics(shutter) | {

@@ -23,10 +23,12 @@ from aug3d_core.sfm.align import Alignment, align, align_to_control
 from aug3d_core.sfm.control import Survey, marked_points, survey
 from aug3d_core.sfm.control_adjustment import Adjusted, adjust_to_control
 from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
+from aug3d_core.sfm.falloff import Falloff, write_falloffs
 from aug3d_core.sfm.files import (
     COLMAP_MODEL,
     COMPONENTS,
     CONTROL_POINTS,
+    FALLOFF,
     OTHER_MODELS,
     POINTS,
     SFM_MAP,
@@ -115,17 +117,20 @@ def write_outputs(
     photos: pd.DataFrame,
     images: Path,
     out: Path,
+    falloffs: Mapping[int, Falloff | None],
     known: Mapping[int, Path] | None = None,
 ) -> None:
     """Write the model, which is in the world, as arrays, undistorted images, COLMAP files, records and a map.
 
     arrays: what the model holds. others: reconstructions of further photographs, each in a frame of its own. images: folder
-    of the photographs' working copies, beside that of their masks. known: undistorted images that exist already, by photo id.
+    of the photographs' working copies, beside that of their masks. falloffs: of cameras by id. known: undistorted images that
+    exist already, by photo id.
     """
     arrays.views.save(out / VIEWS)
     arrays.points.save(out / POINTS)
     arrays.tracks.save(out / TRACKS)
-    export.write_undistorted(model, images, out / VIEW_IMAGES, known or {})
+    export.write_undistorted(model, images, out / VIEW_IMAGES, known or {}, falloffs)
+    write_falloffs(falloffs, out / FALLOFF)
     export.write_undistorted_masks(model, images.with_name(PHOTO_MASKS), out / VIEW_MASKS)
     folders = [COLMAP_MODEL, *(f"{OTHER_MODELS}/{number}" for number in range(1, len(others) + 1))]
     for each, folder in zip([model, *others], folders, strict=True):
@@ -173,10 +178,12 @@ def model_metrics(
     located: Located,
     photos: pd.DataFrame,
     doming: Doming | None,
+    falloffs: Mapping[int, Falloff | None],
 ) -> dict[str, Metric]:
-    """Return the figures of a model that was written."""
+    """Return the figures of a model that was written; those of the lens are the first photograph's."""
     alignment = located.alignment
-    camera = model.camera(export.registered(model)[0].camera_id)
+    camera_id = export.registered(model)[0].camera_id
+    camera, falloff = model.camera(camera_id), falloffs[camera_id]
     heights = centres(arrays.views.cam_from_world)[:, 2]
     return {
         "photos": len(photos),
@@ -193,6 +200,9 @@ def model_metrics(
         "doming_sigma_pct": doming and doming.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),
+        "corner_light": falloff and falloff.corner_light,
+        "corner_light_sigma": falloff and falloff.corner_light * falloff.sigma,
+        "light_evened": any(one is not None and one.evened for one in falloffs.values()),
     } | (_survey_metrics(located.control) if located.control else {})
 
 

@@ -15,6 +15,7 @@ from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm import export
+from aug3d_core.sfm.files import FALLOFF
 from aug3d_core.sfm.mapping import choose_mapper, parts_of
 from tests.engines.little_scene import FOCAL_PX, poses, write_flight
 from tests.engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
@@ -61,6 +62,8 @@ def test_new_photographs_are_added_to_the_earlier_model(flown: Path, tmp_path: P
     assert outcome["state"] == "ok"
     assert metrics["reprojection_px"] < 0.6
     assert worst_m(tmp_path / "sfm") < 0.15  # 0.3 % of the height, as when computed anew
+    was, now = (folder / FALLOFF for folder in (flown / "before" / "files", tmp_path / "sfm" / "files"))
+    assert now.read_bytes() == was.read_bytes(), "the lens is as it was"
 
 
 def test_an_earlier_model_of_other_keypoints_is_not_used(flown: Path, tmp_path: Path) -> None:

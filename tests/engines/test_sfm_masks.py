@@ -135,7 +135,7 @@ def test_a_mask_bends_with_a_strong_lens(tmp_path: Path) -> None:
     grey = Image.fromarray(np.where(used, np.uint8(200), np.uint8(40))).convert("RGB")
     (tmp_path / "images").mkdir()
     grey.save(tmp_path / "images" / image_name(3))
-    export.write_undistorted(model, tmp_path / "images", tmp_path / "out", {})
+    export.write_undistorted(model, tmp_path / "images", tmp_path / "out", {}, {})
     export.write_undistorted_masks(model, tmp_path / "masks", tmp_path / "out_masks")
     found = used_pixels(tmp_path / "out_masks" / image_name(3))
     with Image.open(tmp_path / "out" / image_name(3)) as image:

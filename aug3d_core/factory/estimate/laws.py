@@ -3,8 +3,9 @@
 A law counts what a stage works on (photographs, pixels, pairs, planes, views, steps) and multiplies it with what one of them
 took on the reference machine. That is all that is known before a stage has run; the records of a machine correct it.
 
-The figures are of the town with 15 to 330 photographs of 320 px and with 60 of 640 px, preset `tiny`, on two cores of an
-Intel Xeon (no GPU), 2026-11-26, in processor seconds beside other work. Of PixelNeRF: docs/measured.md. Not measured:
+The figures are of the town with 15 to 330 photographs of 320 px and with 60 of 640 px, preset `tiny`, in processor seconds on
+two cores of an Intel Xeon (no GPU) beside other work, 2026-11-26. An AMD EPYC takes as long for them all, to a tenth
+(2026-11-29): it is the machine of the fixed work, and of what `surface` takes. Of PixelNeRF: docs/measured.md. Not measured:
 `poses`, mapping with given poses, photographs of more than 1 megapixel.
 """
 
@@ -244,8 +245,8 @@ def _surface(scene: Scene) -> Work:
     drawn = 40 * pixels if pixels <= _TILED_MPX else tiled
     both = scene.cores > 1 and 2 * min(drawn, _TILE_MIB) <= _TILES_SHARE * scene.memory_mib  # meshes side by side
     return Work(
-        one_core_s=(9 + 2.9 * pixels + 0.8 * textured) * (_LARGER_MESH if both else 1.0),
-        all_cores_s=2.3 * pixels + 0.8 * textured,
+        one_core_s=(11 + 3.6 * pixels + 1.0 * textured) * (_LARGER_MESH if both else 1.0),
+        all_cores_s=2.9 * pixels + 1.0 * textured,
         peak_mib=(440 + 17 * textured) * (_BOTH_MESHES if both else 1.0)
         + drawn * (_BOTH_MESHES if both and pixels <= _TILED_MPX else 1.0),
         disk_mib=3 + 0.4 * pixels + 2.0 * textured,
