@@ -13,6 +13,8 @@ doming           how far the flight is bent against GPS altitudes (plain numpy)
 rolling_shutter  how far the camera flew on while its sensor was read row by row (plain numpy)
 unplaced         which photographs fell out, and the likely reason
 spread           how far repeated reconstructions are apart (plain numpy)
+falloff          how much light a lens loses in its corners, and photographs without that (plain numpy)
+camera_falloffs  the falloff of each camera of a reconstruction
 export           reconstruction -> undistorted images and plain arrays
 write            a finished reconstruction -> the world, and the files that later stages read
 picture          the map that people look at
