@@ -335,7 +335,7 @@ def _evaluation(scene: Scene) -> Work:
     evaluation = scene.config.evaluation
     views = 2 * scene.targets + evaluation.flythrough_frames
     return Work(
-        one_core_s=4 + 0.3 * scene.targets,
+        one_core_s=4 + 1.2 * scene.targets,
         all_cores_s=10 * views * scene.view_mpx * evaluation.input_views / 3 * 1.6,
         peak_mib=390
         + (4500 + 2000 * evaluation.input_views / 3) * scene.view_mpx
