@@ -197,7 +197,7 @@ def _matching(scene: Scene) -> Work:
     return Work(
         one_core_s=0.5 + 0.00045 * scene.ranked,
         all_cores_s=2.35 * scene.photos * searched**1.17 + scene.pairs * (0.0134 + 0.0025 * thousands**2),
-        peak_mib=120 + 400 * scene.cores * searched + 0.33 * scene.photos * thousands,
+        peak_mib=310 + 450 * scene.cores * searched + 0.33 * scene.photos * thousands,
         disk_mib=0.16 * scene.photos * thousands,
     )
 
