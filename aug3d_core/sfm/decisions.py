@@ -56,7 +56,7 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
     if (light := metrics.get("corner_light")) is not None:
         yield Decision(
             field="sfm.falloff",
-            value="evened out in all photographs" if metrics["light_evened"] else "left as it is",
+            value="evened out" if metrics["light_evened"] else "left as it is",
             measured=f"corners have {light:.1%} of the light of the middle, give or take {metrics['corner_light_sigma']:.1%}",
             rule="evened out where corners surely lose 3 %",
         )

@@ -16,7 +16,7 @@ from aug3d_core.geometry.masks import LEAST_USED, save_mask, used_pixels
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
-from aug3d_core.sfm.falloff import Falloff
+from aug3d_core.sfm.falloff import Falloff, evened
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,11 @@ def write_undistorted(
     falloffs: of cameras by id, which are evened out.
     """
     out.mkdir(parents=True, exist_ok=True)
+    gains = {}
+    for camera_id, falloff in falloffs.items():
+        if falloff and falloff.evened:
+            pinhole = undistorted_camera(model.camera(camera_id))
+            gains[camera_id] = falloff.gain((pinhole.width, pinhole.height), pinhole.params)
     for image in registered(model):
         if photo_id(image) in known:
             shutil.copyfile(known[photo_id(image)], out / image_name(photo_id(image)))
@@ -103,9 +108,9 @@ def write_undistorted(
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
         undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
-        pixels, falloff = undistorted.to_array(), falloffs.get(image.camera_id)
-        if falloff and falloff.evened:
-            pixels = falloff.even(pixels, undistorted_camera(model.camera(image.camera_id)).params)
+        pixels = undistorted.to_array()
+        if image.camera_id in gains:
+            pixels = evened(pixels, gains[image.camera_id])
         Image.fromarray(pixels).save(out / image_name(photo_id(image)), compress_level=1)
 
 

@@ -22,10 +22,8 @@ _FEWEST_PAIRS, _FEWEST_VIEWS = 500, 8
 _PARTS = 8  # of the flight, left out in turn to tell how sure the light in the corners is
 _ROUNDS = 8  # of weighting by the errors found: settled to four digits after six
 _USUAL = 1.5  # standard deviations; errors beyond count the less (Huber)
-_LEAST_LOSS, _SURE = (
-    0.03,
-    3.0,
-)  # of light in the corners, and standard deviations, from which photographs are evened out
+_LEAST_LOSS = 0.03  # of the light in the corners, from which photographs are evened out
+_SURE = 3.0  # standard deviations that it must be
 
 
 @dataclass(frozen=True)
@@ -51,19 +49,21 @@ class Falloff:
         lost = -(self.linear + self.squared)
         return self.corner_light <= 1 - _LEAST_LOSS and lost >= _SURE * self.sigma
 
-    def even(
-        self, picture: UInt8[np.ndarray, "h w 3"], intrinsics: Float[np.ndarray, " 4"]
-    ) -> UInt8[np.ndarray, "h w 3"]:
-        """Return an undistorted photograph with as much light in its corners as in its middle, and as bright as a whole.
+    def gain(self, size: tuple[int, int], intrinsics: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "h w 1"]:
+        """Return the factors that give an undistorted photograph as much light in its corners as in its middle.
 
-        intrinsics: fx, fy, cx, cy [px].
+        As a whole it stays as bright. size: width and height [px]. intrinsics: fx, fy, cx, cy [px].
         """
         fx, fy, cx, cy = intrinsics
-        y, x = np.mgrid[: picture.shape[0], : picture.shape[1]] + 0.5
+        y, x = np.mgrid[: size[1], : size[0]] + 0.5
         s = (((x - cx) / fx) ** 2 + ((y - cy) / fy) ** 2) / self.corner**2
         gain = np.exp(-(self.linear * s + self.squared * s**2))
-        gain /= np.sqrt((gain**2).mean())  # so that an error of a picture stays as large as it was
-        return np.rint(picture * gain[..., None]).clip(0, 255).astype(np.uint8)
+        return (gain / np.sqrt((gain**2).mean()))[..., None]  # so that an error of a picture stays as large as it was
+
+
+def evened(picture: UInt8[np.ndarray, "h w 3"], gain: Float[np.ndarray, "h w 1"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a photograph with its gain."""
+    return np.rint(picture * gain).clip(0, 255).astype(np.uint8)
 
 
 def fit_falloff(

@@ -202,7 +202,7 @@ def model_metrics(
         "focal_px": camera.mean_focal_length(),
         "corner_light": falloff and falloff.corner_light,
         "corner_light_sigma": falloff and falloff.corner_light * falloff.sigma,
-        "light_evened": any(one is not None and one.evened for one in falloffs.values()),
+        "light_evened": falloff is not None and falloff.evened,
     } | (_survey_metrics(located.control) if located.control else {})
 
 

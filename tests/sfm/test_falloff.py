@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aug3d_core.sfm.falloff import Falloff, fit_falloff, read_falloffs, write_falloffs
+from aug3d_core.sfm.falloff import Falloff, evened, fit_falloff, read_falloffs, write_falloffs
 
 CORNER = 0.8
 VIEWS, POINTS = 24, 1500
@@ -90,14 +90,13 @@ def test_a_photograph_is_evened_out_and_as_bright_as_it_was():
     assert s.max() == pytest.approx(1, abs=0.03)
     light = np.exp(-0.3 * s + 0.1 * s**2)
     photo = np.rint(150 * light)[..., None].repeat(3, axis=2).astype(np.uint8)
-    even = falloff.even(photo, intrinsics)
+    gain = falloff.gain((128, 96), intrinsics)
+    even = evened(photo, gain)
     assert even.std() < 0.5
     assert photo[0, 0, 0] < 0.83 * photo[48, 64, 0], "the corner was darker"
     grey = np.full((96, 128, 3), 100, np.uint8)
-    assert (falloff.even(grey, intrinsics).astype(float) ** 2).mean() == pytest.approx(1e4, rel=0.01)
-    assert falloff.even(np.full((96, 128, 3), 255, np.uint8), intrinsics)[0, 0].tolist() == [255] * 3, (
-        "not beyond white"
-    )
+    assert (evened(grey, gain).astype(float) ** 2).mean() == pytest.approx(1e4, rel=0.01)
+    assert evened(np.full((96, 128, 3), 255, np.uint8), gain)[0, 0].tolist() == [255] * 3, "not beyond white"
 
 
 def test_falloffs_are_read_as_they_were_written(tmp_path: Path):
