@@ -20,11 +20,14 @@ DEPTH = Stage(
     metrics=declared(
         higher="consistent_share",
         lower="seconds_per_photo",
-        neither="photos engine depth_width_px points baseline_points tiles baseline_tiles planes_median planes_reason",
+        neither=(
+            "photos photos_reused engine depth_width_px points baseline_points tiles baseline_tiles planes_median planes_reason"
+        ),
     ),
     decidable=("max_px",),
     resumable=True,
     shards=("raw/[!.]*.bin", "raw/[!.]*.planes", "workspace/stereo/*_maps/[!.]*", f"{FUSED_TILES}/*/[!.]*.npz"),
     assist="aug3d_core.depth.stage:assist",
+    grows=True,
     reads={"grouping": (SPLIT_TABLE,)},  # other groups of the same split change nothing
 )

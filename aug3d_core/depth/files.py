@@ -14,6 +14,7 @@ FUSED = "fused.npz"
 BASELINE_FUSED = "baseline_fused.npz"
 FUSED_TILES = "fused_tiles"  # while the stage works
 DEPTH_SHEET = "depth_and_normals.png"
+MADE_OF = "made_of.json"  # of a sweep: what the maps of each photograph depend on
 
 
 def geometric_map_name(photo_id: int) -> str:

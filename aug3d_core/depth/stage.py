@@ -10,6 +10,7 @@ import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from aug3d_core.depth.files import (
     DEPTH_SHEET,
     FUSED,
     FUSED_TILES,
+    MADE_OF,
     NORMAL_MAPS,
     RAW,
     geometric_map_name,
@@ -34,6 +36,7 @@ from aug3d_core.depth.launch import run_jobs
 from aug3d_core.depth.patch_match import check_patch_match, patch_match
 from aug3d_core.depth.picture import draw_sheet
 from aug3d_core.depth.ranges import depth_and_height_ranges
+from aug3d_core.depth.reuse import copy_known, made_of, write_made_of
 from aug3d_core.depth.sources import choose_sources
 from aug3d_core.depth.workspace import IMAGES, mask_maps, write_patch_match_list, write_workspace
 from aug3d_core.geometry.depth_maps import read_map
@@ -43,6 +46,7 @@ from aug3d_core.geometry.spread import evenly_spread
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import read_roles
@@ -72,18 +76,23 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     write_patch_match_list(workspace, views, {view: chosen[: config.sources] for view, chosen in sources.items()})
     started = time.monotonic()
     planes: list[int] = []
-    swept = 0
+    made, reused = len(usable), 0
     if config.engine == "patch_match":
         patch_match(workspace)
         mask_maps(workspace, views, masks, usable)
     else:
         tasks = _tasks(views, points, tracks, sources, config)
+        digests = made_of(tasks, views, sizes, images, masks)
+        known = copy_known(digests, views, inputs.get(EARLIER), out)
+        to_sweep, to_compare = _left(tasks, known)
         (out / RAW).mkdir(exist_ok=True)
-        swept = _swept(out, views.photo_id[usable].tolist())
-        planes = _sweep(tasks, sfm, workspace, config, progress)
+        swept, compared = ([int(views.photo_id[task.view]) for task in left] for left in (to_sweep, to_compare))
+        made, reused = len(swept) - _swept(out, swept, compared), len(known)
+        planes = _sweep(to_sweep, to_compare, sfm, workspace, config, progress)
         for raw in (out / RAW).glob("*.bin"):
             raw.unlink()  # all are compared; what is left says that none is to be swept again
-    seconds, made = time.monotonic() - started, len(usable) - swept
+        write_made_of(digests, views, out / MADE_OF)
+    seconds = time.monotonic() - started
     dense = Dense(workspace, views, sizes, points, tracks)
 
     def told(done: int, tiles: int) -> None:
@@ -101,8 +110,9 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         photometric.unlink()  # patch-match's first pass
     metrics: dict[str, Metric] = {
         "photos": len(usable),
+        "photos_reused": reused,
         "engine": config.engine,
-        "seconds_per_photo": round(seconds / made, 3) if made else None,  # None: an earlier try made them
+        "seconds_per_photo": round(seconds / made, 3) if made else None,  # None: all were there
         "depth_width_px": int(np.median(sizes[usable, 0])),
         "consistent_share": round(share, 4),
         "points": fused,
@@ -126,14 +136,16 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
 
 
 def assist(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> Outcome:
-    """Sweep photographs that nobody has swept yet."""
+    """Sweep photographs that nobody has swept yet, and whose maps are not there."""
     sfm = inputs["sfm"]
     views, points, tracks = Views.load(sfm / VIEWS), Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     sources = _sources(views, points, tracks, read_roles(inputs["grouping"], len(views)), config)
-    tasks = from_elsewhere(_tasks(views, points, tracks, sources, config))
+    tasks = _tasks(views, points, tracks, sources, config)
+    maps = {task.view: out / NORMAL_MAPS / geometric_map_name(int(views.photo_id[task.view])) for task in tasks}
+    tasks = from_elsewhere(_left(tasks, {view for view, path in maps.items() if path.exists()})[0])
     if config.engine != "patch_match":
         (out / RAW).mkdir(exist_ok=True)
-        run_jobs(_jobs(tasks, sfm, out / DENSE_WORKSPACE, config), _ticking(progress, len(tasks)))
+        run_jobs(_jobs("sweep", tasks, sfm, out / DENSE_WORKSPACE, config), _ticking(progress, len(tasks)))
     return Outcome(metrics={"photos": len(tasks)})
 
 
@@ -157,43 +169,62 @@ def _tasks(
     ]
 
 
-def _swept(out: Path, photo_ids: list[int]) -> int:
+def _left(tasks: list[PhotoTask], known: set[int]) -> tuple[list[PhotoTask], list[PhotoTask]]:
+    """Return which tasks are to be swept, and which compared, where the maps of some views are known.
+
+    What a known photograph shows is swept again if another needs it: its depth before it was compared is not kept.
+    """
+    to_compare = [task for task in tasks if task.view not in known]
+    needed = {view for task in to_compare for view in (task.view, *task.others)}
+    return [task for task in tasks if task.view in needed], to_compare
+
+
+def _swept(out: Path, photo_ids: list[int], to_compare: list[int]) -> int:
     """Return how many photographs an earlier try has swept.
 
     Where maps are still to be compared and a raw one is gone, as after a machine that was lost in between, its photograph
     counts as never swept.
     """
     told = {photo: out / RAW / planes_name(photo) for photo in photo_ids}
-    if not all((out / NORMAL_MAPS / geometric_map_name(photo)).exists() for photo in photo_ids):
+    if not all((out / NORMAL_MAPS / geometric_map_name(photo)).exists() for photo in to_compare):
         for photo, file in told.items():
             if not (out / RAW / geometric_map_name(photo)).exists():
                 file.unlink(missing_ok=True)
     return sum(file.exists() for file in told.values())
 
 
-def _sweep(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig, progress: Progress) -> list[int]:
-    """Sweep all photographs, then compare their maps; return the planes tried for each."""
-    tick, jobs = _ticking(progress, len(tasks)), _jobs(tasks, sfm, workspace, config)
-    planes = run_jobs(jobs, tick)
-    run_jobs([job.model_copy(update={"step": "compare"}) for job in jobs], tick)
+def _sweep(
+    to_sweep: list[PhotoTask],
+    to_compare: list[PhotoTask],
+    sfm: Path,
+    workspace: Path,
+    config: DepthConfig,
+    progress: Progress,
+) -> list[int]:
+    """Sweep photographs, then compare maps; return the planes tried for each."""
+    tick = _ticking(progress, len(to_sweep), len(to_compare))
+    planes = run_jobs(_jobs("sweep", to_sweep, sfm, workspace, config), tick)
+    run_jobs(_jobs("compare", to_compare, sfm, workspace, config), tick)
     return [int(count) for share in planes for count in share]
 
 
-def _ticking(progress: Progress, photos: int) -> Callable[[], None]:
+def _ticking(progress: Progress, swept: int, compared: int = 0) -> Callable[[], None]:
     done = 0
 
     def tick() -> None:
         nonlocal done
         done += 1
-        progress(done, 2 * photos, "searching depth" if done <= photos else "comparing depth maps")
+        progress(done, swept + compared, "searching depth" if done <= swept else "comparing depth maps")
 
     return tick
 
 
-def _jobs(tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig) -> list[DepthJob]:
-    """Return the jobs that sweep photographs, side by side."""
+def _jobs(
+    step: Literal["sweep", "compare"], tasks: list[PhotoTask], sfm: Path, workspace: Path, config: DepthConfig
+) -> list[DepthJob]:
+    """Return the jobs of one step, side by side."""
     common = DepthJob(
-        step="sweep",
+        step=step,
         views=sfm / VIEWS,
         images=sfm / VIEW_IMAGES,
         masks=sfm / VIEW_MASKS,

@@ -8,27 +8,32 @@ from __future__ import annotations
 
 import copy
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pycolmap
 
+from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.sfm import export
 from aug3d_core.sfm.falloff import Falloff, read_falloffs
-from aug3d_core.sfm.files import COLMAP_MODEL, COMPONENTS, FALLOFF, VIEW_IMAGES
+from aug3d_core.sfm.files import COLMAP_MODEL, COMPONENTS, FALLOFF, POINTS, TRACKS, VIEW_IMAGES, VIEWS
 
 _LEAST = 0.5  # of today's photographs: less would rest the larger part of a scene on the smaller
 
 
 @dataclass(frozen=True)
 class Earlier:
-    """An earlier model with today's ids, its undistorted images by today's photo id, and what its cameras' corners lose."""
+    """An earlier model with today's ids, and what its cameras' corners lose.
+
+    files: of its output. was: photo ids there by those of today.
+    """
 
     model: pycolmap.Reconstruction
-    images: dict[int, Path]
+    files: Path
+    was: dict[int, int]
     falloffs: dict[int, Falloff | None]
 
     def images_as_they_are(self, grown: pycolmap.Reconstruction) -> dict[int, Path]:
@@ -38,7 +43,14 @@ class Earlier:
             for image in (self.model.image(image_id) for image_id in self.model.reg_image_ids())
             if np.array_equal(self.model.camera(image.camera_id).params, grown.camera(image.camera_id).params)
         }
-        return {photo_id: path for photo_id, path in self.images.items() if image_name(photo_id) in same}
+        folder = self.files / VIEW_IMAGES
+        return {now: folder / image_name(was) for now, was in self.was.items() if image_name(now) in same}
+
+    def arrays(self) -> export.Arrays:
+        """Read what the model holds, as it was written, with today's photo ids."""
+        views, now = Views.load(self.files / VIEWS), {was: now for now, was in self.was.items()}
+        views = replace(views, photo_id=np.array([now[was] for was in views.photo_id.tolist()]))
+        return export.Arrays(views, Points.load(self.files / POINTS), Tracks.load(self.files / TRACKS))
 
 
 def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> Earlier | None:
@@ -54,16 +66,17 @@ def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> E
         if len(was) >= len(photos) or not set(was) <= set(today):
             continue
         model = pycolmap.Reconstruction(files / COLMAP_MODEL)
-        if model.num_reg_images() < max(_LEAST * len(photos), 0 if best is None else len(best.images) + 1):
+        if model.num_reg_images() < max(_LEAST * len(photos), 0 if best is None else len(best.was) + 1):
             continue
         now = {export.photo_id(image): int(today[was[export.photo_id(image)]]) for image in export.registered(model)}
         renumbered = _renumbered(model, now, database)
         if renumbered is not None:
             grown, camera_was = renumbered
-            falloffs, folder_of_images = read_falloffs(files / FALLOFF), files / VIEW_IMAGES
+            falloffs = read_falloffs(files / FALLOFF)
             best = Earlier(
                 grown,
-                {new: folder_of_images / image_name(old) for old, new in now.items()},
+                files,
+                {new: old for old, new in now.items()},
                 {new: falloffs[old] for new, old in camera_was.items()},
             )
     return best

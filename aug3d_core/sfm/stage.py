@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
 from aug3d_core.sfm.grow import find_earlier
+from aug3d_core.sfm.hold import hold
 from aug3d_core.sfm.joint import Joint, weakest_joint
 from aug3d_core.sfm.mapping import Mapped, reconstruct
 from aug3d_core.sfm.matching_table import read_matching_table
@@ -61,9 +63,12 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
     largest = mapped.models[0]
     chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
-    located, arrays = align_model(
-        chosen.model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed)
-    )
+    marks = read_control_marks(inputs["photos"])
+    held = hold(chosen.model, earlier, photos, config.seed) if earlier and marks is None else None
+    if held:
+        chosen, located, arrays = replace(chosen, model=held.model), held.located, held.arrays
+    else:
+        located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed))
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
     falloffs = measure_falloffs(chosen.model, images, earlier.falloffs if earlier else {})
     write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, falloffs, known)
@@ -77,7 +82,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     joint = weakest_joint(arrays.tracks, len(arrays.views))
     metrics |= shutter_metrics(shutter) | {
         "components": len(mapped.models),
-        "grown_from": len(earlier.images) if earlier else 0,
+        "grown_from": len(earlier.was) if earlier else 0,
+        "poses_kept": len(earlier.was) if earlier and held else 0,
         "weakest_joint_points": joint and joint.points,
         "weakest_joint_share": joint and joint.share,
     }

@@ -84,9 +84,7 @@ def align_model(
         located = Located(alignment, told.origin, control)
     else:
         arrays = export.to_arrays(model)
-        located = Located(
-            _by_gps(arrays, photos, placed, rng), gps_positions(photos)[1], told and Adjusted(told, False)
-        )
+        located = Located(by_gps(arrays, photos, rng), gps_positions(photos)[1], told and Adjusted(told, False))
     _move(model, located.alignment.world_from_model)
     return located, arrays.moved(located.alignment.world_from_model)
 
@@ -95,7 +93,9 @@ def _move(model: pycolmap.Reconstruction, fit: Similarity) -> None:
     model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
 
 
-def _by_gps(arrays: export.Arrays, photos: pd.DataFrame, placed: list[int], rng: np.random.Generator) -> Alignment:
+def by_gps(arrays: export.Arrays, photos: pd.DataFrame, rng: np.random.Generator) -> Alignment:
+    """Find the world of what a model holds, by GPS where there is any. photos: the whole table."""
+    placed = arrays.views.photo_id
     gps_enu_m, swapped_enu_m = gps_positions(photos)[0], _swapped_positions(photos)
     at = centres(arrays.views.cam_from_world)
     depth = np.linalg.norm(arrays.points.xyz[arrays.tracks.point] - at[arrays.tracks.view], axis=1)

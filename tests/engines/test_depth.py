@@ -13,7 +13,7 @@ from PIL import Image
 
 from aug3d_core.depth import fusion
 from aug3d_core.depth import stage as depth_stage
-from aug3d_core.depth.cameras import Camera, camera_of
+from aug3d_core.depth.cameras import Camera, camera_of, depth_sizes
 from aug3d_core.depth.config import DepthConfig
 from aug3d_core.depth.files import (
     BASELINE_FUSED,
@@ -21,14 +21,16 @@ from aug3d_core.depth.files import (
     DEPTH_MAPS,
     DEPTH_SHEET,
     FUSED,
+    MADE_OF,
     NORMAL_MAPS,
     RAW,
     WORKSPACE_DEPTH_MAPS,
     WORKSPACE_NORMAL_MAPS,
     geometric_map_name,
 )
-from aug3d_core.depth.job import DepthJob
+from aug3d_core.depth.job import DepthJob, PhotoTask
 from aug3d_core.depth.launch import run_jobs
+from aug3d_core.depth.reuse import made_of
 from aug3d_core.depth.stage import assist, run
 from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.fused import Fused
@@ -37,6 +39,7 @@ from aug3d_core.geometry.transforms import apply, project
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.files import EARLIER
 from aug3d_core.run.helper_process import WorkerDied
 from aug3d_core.run.stage import Inputs, Outcome
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
@@ -226,6 +229,46 @@ def test_train_points_come_from_train_photos_alone(
     for index in range(8):
         name = f"{DEPTH_MAPS}/{geometric_map_name(index)}"
         assert after[name] == before[name]
+
+
+def test_only_maps_that_a_change_touches_are_made_again(
+    quick: tuple[Path, Outcome], changed: Callable[[str], Inputs], tmp_path: Path
+) -> None:
+    """Maps of train photographs are made of train photographs alone; the bytes are those of a run without earlier maps."""
+    (tmp_path / "earlier").mkdir()
+    (tmp_path / "earlier" / "00").symlink_to(quick[0])
+    inputs = changed("support")
+    fresh = find_depth(inputs, tmp_path / "fresh", max_px=QUICK_PX)
+    grown = find_depth({**inputs, EARLIER: tmp_path / "earlier"}, tmp_path / "grown", max_px=QUICK_PX)
+    assert files(tmp_path / "grown") == files(tmp_path / "fresh")
+    assert (fresh.metrics["photos_reused"], grown.metrics["photos_reused"]) == (0, 8)
+    again = find_depth({**inputs, EARLIER: tmp_path}, tmp_path / "again", max_px=QUICK_PX)
+    assert (again.metrics["photos_reused"], again.metrics["seconds_per_photo"]) == (again.metrics["photos"], None)
+    assert files(tmp_path / "again") == files(tmp_path / "fresh")
+
+
+@pytest.mark.parametrize("part", ["pose", "image", "mask", "range"])
+def test_maps_are_known_by_all_that_they_are_made_of(inputs: Inputs, tmp_path: Path, part: str) -> None:
+    """Of the views 0 <- 1 <- 2 and 3 <- 4, a change of the second changes the digests of the first three."""
+    shutil.copytree(inputs["sfm"], tmp_path / "sfm")
+    views, images, masks = true_views(), tmp_path / "sfm" / VIEW_IMAGES, tmp_path / "sfm" / VIEW_MASKS
+    sizes = depth_sizes(views, QUICK_PX)
+    listed = {0: (1,), 1: (2,), 2: (1,), 3: (4,), 4: (3,)}
+    tasks = [
+        PhotoTask(view=view, sources=others, others=others, depth=(40, 60), height=(0, 10))
+        for view, others in listed.items()
+    ]
+    before = made_of(tasks, views, sizes, images, masks)
+    if part == "pose":
+        views.cam_from_world[1, 0, 3] += 1e-9
+    elif part == "image":
+        Image.new("RGB", SIZE).save(images / image_name(1))
+    elif part == "mask":
+        save_mask(np.zeros(SIZE[::-1], bool), masks / image_name(1))
+    else:
+        tasks[1] = tasks[1].model_copy(update={"height": (0, 11)})
+    after = made_of(tasks, views, sizes, images, masks)
+    assert {view for view in before if before[view] != after[view]} == {0, 1, 2}
 
 
 def test_the_number_of_workers_changes_nothing(
@@ -418,7 +461,7 @@ def test_what_is_masked_has_no_depth_and_does_not_matter(
     outcome = find_depth(with_lorry(inputs, tmp_path / "one"), tmp_path / "out")
     find_depth(with_lorry(inputs, tmp_path / "two", colour=2), tmp_path / "other")
     some, other = files(tmp_path / "out"), files(tmp_path / "other")
-    assert {name for name in some if some[name] != other[name]} == {DEPTH_SHEET}
+    assert {name for name in some if some[name] != other[name]} == {DEPTH_SHEET, MADE_OF}
     for index in range(1, 11):
         assert (depth_in_lorry(tmp_path / "out", index) > 0).mean() < 0.06, "but for its rim, half of a pixel wide"
     assert (depth_in_lorry(tmp_path / "out", 0) > 0).mean() > 0.2, "it has no mask, and others see some of it"

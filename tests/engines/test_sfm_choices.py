@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 
 from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import centres
+from aug3d_core.geometry.views import Views
 from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm import export
 from aug3d_core.sfm.files import FALLOFF
@@ -64,6 +66,41 @@ def test_new_photographs_are_added_to_the_earlier_model(flown: Path, tmp_path: P
     assert worst_m(tmp_path / "sfm") < 0.15  # 0.3 % of the height, as when computed anew
     was, now = (folder / FALLOFF for folder in (flown / "before" / "files", tmp_path / "sfm" / "files"))
     assert now.read_bytes() == was.read_bytes(), "the lens is as it was"
+
+
+def test_earlier_photographs_stay_where_they_were_to_the_bit(flown: Path, tmp_path: Path) -> None:
+    outcome = place(flown, tmp_path / "sfm", flown / "earlier")
+    assert outcome["metrics"]["poses_kept"] == 14
+    was, now = loaded(flown / "before"), loaded(tmp_path / "sfm")
+    assert np.array_equal(now[0].cam_from_world[:14], was[0].cam_from_world)
+    assert np.array_equal(now[0].intrinsics[:14], was[0].intrinsics)
+    there = {xyz.tobytes() for xyz in was[1].xyz}
+    stayed = np.array([xyz.tobytes() in there for xyz in now[1].xyz])
+    seen_by_new = np.isin(np.arange(len(stayed)), now[2].point[now[2].view >= 14])
+    assert not stayed[seen_by_new].any()
+    assert stayed[~seen_by_new].all()
+    world_was, world_now = (
+        json.loads((sfm / "files" / "world.json").read_bytes()) for sfm in (flown / "before", tmp_path / "sfm")
+    )
+    assert world_now["origin"] == world_was["origin"]
+    assert world_now["gps_residual_m_median"] < 0.3
+
+
+def test_earlier_photographs_move_where_new_ones_contradict_them(flown: Path, tmp_path: Path) -> None:
+    earlier = tmp_path / "earlier" / "00"
+    shutil.copytree(flown / "before" / "files", earlier)
+    model = pycolmap.Reconstruction(earlier / "model")
+    for image in export.registered(model):  # a bowl, as deep as a hundredth of the flight's height
+        pose = image.cam_from_world()
+        centre = image.projection_center()
+        bent = centre + np.array([0, 0, 5e-4 * (centre[0] ** 2 + centre[1] ** 2)])
+        model.frame(image.frame_id).rig_from_world = pycolmap.Rigid3d(pose.rotation, -pose.rotation.matrix() @ bent)
+    model.write_binary(earlier / "model")
+    views = Views.load(earlier / "views.npz")
+    replace(views, cam_from_world=export.poses(model)).save(earlier / "views.npz")
+    outcome = place(flown, tmp_path / "sfm", tmp_path / "earlier")
+    assert (outcome["metrics"]["grown_from"], outcome["metrics"]["poses_kept"]) == (14, 0)
+    assert worst_m(tmp_path / "sfm") < 0.15
 
 
 def test_an_earlier_model_of_other_keypoints_is_not_used(flown: Path, tmp_path: Path) -> None:
