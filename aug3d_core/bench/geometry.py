@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 from aug3d_core.bench.figure import Figure, at_least, at_most, told
@@ -11,9 +10,6 @@ from aug3d_core.sfm.files import VIEWS
 from aug3d_core.sfm.spread import spread_pct
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
-from aug3d_core.town.files import TOWN_PHOTOS
-
-POSES, MESH = ("matching", "sfm"), ("depth", "surface")
 
 
 def town_figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
@@ -74,28 +70,3 @@ def pose_spread(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
         value = spread_pct(runs) if len(runs) == len(trials) else None
         figures[f"town_pose_spread_{name}_pct"] = Figure(value, "% of extent")
     return figures
-
-
-def growth(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
-    """Return what it costs to add to the town's photographs as near a tenth as can be, over starting anew: processor time."""
-    fresh = run_trial(store, "sfm", scene, (), directly(store, say))
-    photos = sorted((store.files_dir(fresh.records["town"]) / TOWN_PHOTOS).iterdir())
-    aside = Store(store.root / "growth")  # where no reconstruction of all photographs is known yet
-    folder = aside.root / "photos"
-    shutil.rmtree(folder, ignore_errors=True)  # a benchmark that was killed may have left all photographs there
-    folder.mkdir()
-    new = photos[5::11]  # round(n / 11) of them, spread over the flight: ten others and one make eleven
-    for photo in set(photos) - set(new):
-        shutil.copy(photo, folder)
-    run_trial(aside, "sfm", scene, (), directly(aside, say), folder)
-    for photo in photos:
-        shutil.copy(photo, folder)
-    grown = run_trial(aside, "sfm", scene, (), directly(aside, say), folder)
-    if "sfm" not in grown.records or "sfm" not in fresh.records:
-        return {"growth_cost_share": Figure(None, "share", 0.25, False, grown.failure or fresh.failure)}
-    return {
-        "growth_cost_share": at_most(0.25, grown.cpu_seconds(POSES) / fresh.cpu_seconds(POSES), "share"),
-        "growth_registered_share": at_least(
-            1.0, float(len(Views.load(aside.file(grown.records["sfm"], VIEWS))) / len(photos)), "share"
-        ),
-    }

@@ -37,6 +37,13 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
     if "mapper" in metrics:
         reason = metrics["mapper_reason"] or AS_SET
         yield Decision(field="sfm.mapper", value=metrics["mapper"], measured="", rule=reason)
+    if metrics.get("grown_from"):
+        yield Decision(
+            field="sfm.poses",
+            value=f"{metrics['poses_kept']} kept as they were" if metrics["poses_kept"] else "all adjusted together",
+            measured=metrics["poses_reason"],
+            rule="earlier ones stay if at most a quarter is new, and new photographs and GPS fit them with 1.1 times the error",
+        )
     yield Decision(
         field="sfm.camera_model",
         value=metrics["camera_model"],

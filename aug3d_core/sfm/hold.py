@@ -42,23 +42,29 @@ class Held:
     arrays: export.Arrays
 
 
-def hold(grown: pycolmap.Reconstruction, earlier: Earlier, photos: pd.DataFrame, seed: int) -> Held | None:
-    """Return the earlier model with the new photographs of the grown one, and what these see.
+def hold(grown: pycolmap.Reconstruction, earlier: Earlier, photos: pd.DataFrame, seed: int) -> tuple[Held | None, str]:
+    """Return the earlier model with the new photographs of the grown one and what these see, and what was found.
 
     Nothing of the earlier model moves. None where much is new, where new photographs or GPS contradict the earlier poses, or
     where GPS now tells a world that it did not tell before. photos: the whole table.
     """
     now, before = export.to_arrays(grown), earlier.arrays()
     new = np.setdiff1d(now.views.photo_id, before.views.photo_id)
-    if len(now.views) - len(new) < len(before.views) or len(new) > _MOST_NEW * len(now.views):
-        return None
+    if len(now.views) - len(new) < len(before.views):
+        return None, "some of the earlier photographs have no pose now"
+    if len(new) > _MOST_NEW * len(now.views):
+        return None, f"{len(new)} of {len(now.views)} photographs are new"
     model = _added(earlier.model, grown)
     arrays = _as_they_were(export.to_arrays(model), before)
-    if _off_px(arrays, new) > _AS_WELL * _off_px(now, new):
-        return None
-    found = by_gps(now, photos, np.random.default_rng(seed))
-    located = _where_it_was(json.loads((earlier.files / WORLD).read_text()), found, arrays, photos)
-    return None if located is None else Held(model, located, arrays)
+    times = _off_px(arrays, new) / max(_off_px(now, new), 1e-9)
+    found = f"new photographs fit earlier poses with {times:.2f} times the error"
+    if times > _AS_WELL:
+        return None, found
+    world = by_gps(now, photos, np.random.default_rng(seed))
+    located = _where_it_was(json.loads((earlier.files / WORLD).read_text()), world, arrays, photos)
+    if located is None:
+        return None, f"{found}, but GPS tells another world than before"
+    return Held(model, located, arrays), found
 
 
 def _added(earlier: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> pycolmap.Reconstruction:

@@ -64,7 +64,13 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     largest = mapped.models[0]
     chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
     marks = read_control_marks(inputs["photos"])
-    held = hold(chosen.model, earlier, photos, config.seed) if earlier and marks is None else None
+    held, found = None, None
+    if earlier:
+        held, found = (
+            hold(chosen.model, earlier, photos, config.seed)
+            if marks is None
+            else (None, "control points move all poses")
+        )
     if held:
         chosen, located, arrays = replace(chosen, model=held.model), held.located, held.arrays
     else:
@@ -84,6 +90,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         "components": len(mapped.models),
         "grown_from": len(earlier.was) if earlier else 0,
         "poses_kept": len(earlier.was) if earlier and held else 0,
+        "poses_reason": found,
         "weakest_joint_points": joint and joint.points,
         "weakest_joint_share": joint and joint.share,
     }

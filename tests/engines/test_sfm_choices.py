@@ -71,6 +71,9 @@ def test_new_photographs_are_added_to_the_earlier_model(flown: Path, tmp_path: P
 def test_earlier_photographs_stay_where_they_were_to_the_bit(flown: Path, tmp_path: Path) -> None:
     outcome = place(flown, tmp_path / "sfm", flown / "earlier")
     assert outcome["metrics"]["poses_kept"] == 14
+    assert {"sfm.poses": "14 kept as they were"}.items() <= {
+        one["field"]: one["value"] for one in outcome["decisions"]
+    }.items()
     was, now = loaded(flown / "before"), loaded(tmp_path / "sfm")
     assert np.array_equal(now[0].cam_from_world[:14], was[0].cam_from_world)
     assert np.array_equal(now[0].intrinsics[:14], was[0].intrinsics)
@@ -101,6 +104,21 @@ def test_earlier_photographs_move_where_new_ones_contradict_them(flown: Path, tm
     outcome = place(flown, tmp_path / "sfm", tmp_path / "earlier")
     assert (outcome["metrics"]["grown_from"], outcome["metrics"]["poses_kept"]) == (14, 0)
     assert worst_m(tmp_path / "sfm") < 0.15
+
+
+@pytest.mark.parametrize("change", [{"metric": False}, {"up_from": "gravity"}, {"lat_deg": 1e-4}])
+def test_earlier_photographs_move_where_gps_now_tells_another_world(
+    flown: Path, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    earlier = tmp_path / "earlier" / "00"
+    shutil.copytree(flown / "before" / "files", earlier)
+    world = json.loads((earlier / "world.json").read_text())
+    world["origin"]["lat_deg"] += change.pop("lat_deg", 0.0)  # a ten-thousandth is 11 m
+    (earlier / "world.json").write_text(json.dumps(world | change))
+    outcome = place(flown, tmp_path / "sfm", tmp_path / "earlier")
+    assert (outcome["metrics"]["grown_from"], outcome["metrics"]["poses_kept"]) == (14, 0)
+    assert "GPS tells another world" in outcome["metrics"]["poses_reason"]
+    assert outcome["metrics"]["gps_residual_m_median"] < 0.3
 
 
 def test_an_earlier_model_of_other_keypoints_is_not_used(flown: Path, tmp_path: Path) -> None:

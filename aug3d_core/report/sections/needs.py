@@ -12,8 +12,10 @@ from aug3d_core.report.reported_run import ReportedRun
 _CALLED = {
     "matching.pairs": "pairs compared",
     "sfm.mapper": "mapper",
+    "sfm.poses": "poses of earlier photographs",
     "sfm.camera_model": "camera model",
     "sfm.focal": "focal length",
+    "sfm.falloff": "darker corners",
     "sfm.up": "vertical",
     "sfm.ground": "ground model",
     "grouping.enough": "photographs worth using",
@@ -21,6 +23,7 @@ _CALLED = {
     "grouping.gap_footprints": "gap around the test [footprints]",
     "grouping.folds": "folds",
     "depth.planes": "depth planes, median",
+    "depth.maps": "depth maps of before",
     "surface.octree_depth": "mesh: octree depth",
     "surface.triangles": "mesh: triangles",
     "surface.texels": "mesh: texels",
