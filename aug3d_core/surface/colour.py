@@ -7,13 +7,13 @@ loses to errors of pose and shape. Exposure differences are evened out first (`e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 from PIL import Image
 from scipy import sparse
 from scipy.ndimage import map_coordinates
@@ -33,6 +33,7 @@ BORDER_FADE = 0.05  # of a photo's shorter side: a photo that ended at full weig
 FILL_ROUNDS = 6  # edges over which colour may creep into surface that no photo sees; the rest has no evidence
 EXPOSURE_PX = 4  # averaged over at a matched point
 BLOCK = 1024  # places
+_GOLDEN = (5**0.5 - 1) / 2
 _NO_PART = 1e-3  # of a sample: rounding
 
 
@@ -94,10 +95,10 @@ class Colours(_Arrays):
 
 @dataclass(frozen=True)
 class Seen:
-    """What one view shows of some places."""
+    """What one view shows of places that it may be among the best for."""
 
     place: Int[np.ndarray, " s"]
-    score: Float[np.ndarray, " s"]  # px per area of surface, faded towards the photo's border
+    score: Float32[np.ndarray, " s"]  # px per area of surface, faded towards the photo's border
     rgb: Float[np.ndarray, "s 3"]  # 0 to 255
 
 
@@ -148,21 +149,22 @@ class Photographs:
     def _blend(self, places: Places, best: int, tick: Callable[[], None]) -> Colours:
         scores = np.zeros((len(places.xyz), best), np.float32)
         colours = np.zeros((len(places.xyz), best, 3), np.float32)
-        for seen, gain in zip(self._look(places), self.gains, strict=True):
-            _insert(scores, colours, seen.place, seen.score, seen.rgb * gain)
+        # Far from one to the next: along a flight scores rise and fall, and each photo would for a while be the best so far
+        for photo in np.argsort(np.arange(len(self._chosen)) * _GOLDEN % 1):
+            seen = self._look(places, int(self._chosen[photo]), scores[:, -1])
+            _insert(scores, colours, seen.place, seen.score, seen.rgb * self.gains[photo])
             tick()
         weights = (scores / np.maximum(scores[:, :1], 1e-30)) ** SHARPNESS
         rgb = np.einsum("vk,vkc->vc", weights, colours) / np.maximum(weights.sum(axis=1, keepdims=True), 1e-30)
         return Colours(np.rint(rgb).clip(0, 255).astype(np.uint8), scores[:, 0] > 0)
 
-    def _look(self, places: Places) -> Iterator[Seen]:
-        for view in self._chosen:
-            place, xy, score = self._sees(places, view)
-            rgb = np.zeros((0, 3))
-            if len(place):
-                rgb, usable = self._sample(view, xy, self._spacing * np.sqrt(np.median(score)))
-                place, score, rgb = place[usable], score[usable], rgb[usable]
-            yield Seen(place, score, rgb)
+    def _look(self, places: Places, view: int, least: Float32[np.ndarray, " v"]) -> Seen:
+        place, xy, score, typical = self._sees(places, view, least)
+        rgb = np.zeros((0, 3))
+        if len(place):
+            rgb, usable = self._sample(view, xy, self._spacing * np.sqrt(typical))
+            place, score, rgb = place[usable], score[usable], rgb[usable]
+        return Seen(place, score, rgb)
 
     def _sample(
         self, view: int, xy: Float[np.ndarray, "s 2"], pixels: float
@@ -175,23 +177,27 @@ class Photographs:
         return rgb, np.ones(len(xy), bool) if used is None else _unmixed(used, xy, pixels)
 
     def _sees(
-        self, places: Places, view: int
-    ) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s 2"], Float[np.ndarray, " s"]]:
-        """Return the places that a view sees unhidden, where in its image (px), and its score there."""
+        self, places: Places, view: int, least: Float32[np.ndarray, " v"]
+    ) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s 2"], Float32[np.ndarray, " s"], float]:
+        """Return the places that a view sees unhidden with more than the `least` score, where in its image (px), and its score.
+
+        Last comes the median score of all that it may see, hidden or not.
+        """
         place, x, y, depth = places.framed(self._views, view, 1.0)
         to_camera = centres(self._views.cam_from_world[view]) - places.xyz[place]
         distance = np.sqrt(np.einsum("vi,vi->v", to_camera, to_camera))
         cosine = np.einsum("vi,vi->v", to_camera, places.normals[place]) / distance
-        facing = np.flatnonzero(cosine > MIN_COSINE)
-        # Start a spacing off the surface, or the triangles around the place would hide it
-        start = places.xyz[place[facing]] + self._spacing * places.normals[place[facing]]
-        seen = facing[~self._caster.occluded(start, to_camera[facing], near=0.0, far=1.0)]
-        place, x, y = place[seen], x[seen], y[seen]
         width, height = self._views.size[view]
         to_border = np.minimum(np.minimum(x, width - x), np.minimum(y, height - y)) / min(width, height)
         fx, fy = self._views.intrinsics[view, :2]
-        score = np.minimum(1.0, to_border / BORDER_FADE) * fx * fy * cosine[seen] / depth[seen] ** 2
-        return place, np.stack([x, y], axis=1), score
+        score = (np.minimum(1.0, to_border / BORDER_FADE) * fx * fy * cosine / depth**2).astype(np.float32)
+        facing = cosine > MIN_COSINE
+        typical = float(np.median(score[facing])) if facing.any() else np.nan
+        better = np.flatnonzero(facing & (score > least[place]))  # whether anything hides the others does not matter
+        # Start a spacing off the surface, or the triangles around the place would hide it
+        start = places.xyz[place[better]] + self._spacing * places.normals[place[better]]
+        seen = better[~self._caster.occluded(start, to_camera[better], near=0.0, far=1.0)]
+        return place[seen], np.stack([x[seen], y[seen]], axis=1), score[seen], typical
 
 
 def paint_vertices(photographs: Photographs, shape: Shape, best: int, tick: Callable[[], None]) -> Colours:
@@ -239,7 +245,7 @@ def _unmixed(used: Bool[np.ndarray, "h w"], xy: Float[np.ndarray, "s 2"], pixels
 
 def _insert(scores: np.ndarray, colours: np.ndarray, place: np.ndarray, score: np.ndarray, rgb: np.ndarray) -> None:
     """Put a view's scores and colours into the sorted lists of the best, in place."""
-    score, rgb = score.astype(scores.dtype), rgb.astype(colours.dtype)
+    score, rgb = score.copy(), rgb.astype(colours.dtype)
     for slot in range(scores.shape[1]):
         better = score > scores[place, slot]
         at = place[better]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import count
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Int, UInt8
 from scipy.ndimage import distance_transform_edt
 
 from aug3d_core.geometry.textured import TexturedMesh
@@ -14,7 +14,7 @@ from aug3d_core.surface.atlas import Atlas
 from aug3d_core.surface.colour import Photographs, Places
 from aug3d_core.surface.shape import Shape, triangle_normals
 
-TILE = 32  # texels: what is close in the picture mostly is on the surface
+_BITS = 16  # of a triangle's place on the ground, each way
 CHUNK = 2**21  # texels coloured at a time: bounds memory at about 0.5 GiB
 
 
@@ -31,7 +31,7 @@ def paint_texture(
     `tick` is called as often as there are photographs, evenly over the work.
     """
     triangle, weights = atlas.raster()
-    inside = _by_tile(triangle >= 0)
+    inside = _along_ground(triangle, shape)
     texels = np.zeros((triangle.size, 3), np.uint8)
     normals = triangle_normals(shape)
     looks, passes = count(1), -(-len(inside) // CHUNK)
@@ -54,8 +54,23 @@ def paint_texture(
     return TexturedMesh(shape.xyz, shape.triangles, atlas.uv, picture[row, column])
 
 
-def _by_tile(wanted: Bool[np.ndarray, "h w"]) -> Int[np.ndarray, " p"]:
-    """Return the flat indices of the wanted texels, tile after tile."""
-    row, column = np.nonzero(wanted)
-    order = np.lexsort((column // TILE, row // TILE))
-    return row[order] * wanted.shape[1] + column[order]
+def _along_ground(triangle: Int[np.ndarray, "h w"], shape: Shape) -> Int[np.ndarray, " p"]:
+    """Return the flat indices of the texels in triangles, so that what is close in the list is close on the ground.
+
+    A photograph then shows few of the parts that texels are coloured in, and is read for these alone. Triangles follow each
+    other along Morton's curve.
+    """
+    middle = shape.xyz[shape.triangles].mean(axis=1)[:, :2]
+    low, wide = middle.min(axis=0), max(float(np.ptp(middle, axis=0).max()), 1e-9)
+    column, row = ((middle - low) / wide * (2**_BITS - 1)).astype(np.int64).T
+    place = np.argsort(np.argsort(_spread(column) | _spread(row) << 1, kind="stable")).astype(np.int32)
+    inside = np.flatnonzero(triangle >= 0)
+    return inside[np.argsort(place[triangle.ravel()[inside]], kind="stable")]
+
+
+def _spread(numbers: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
+    """Put a zero before each binary digit."""
+    spread = np.zeros_like(numbers)
+    for bit in range(_BITS):
+        spread |= (numbers >> bit & 1) << 2 * bit
+    return spread

@@ -17,7 +17,7 @@ from aug3d_core.photos.files import image_name
 from aug3d_core.surface import texture
 from aug3d_core.surface.atlas import GUTTER, atlas_within, make_atlas, pack
 from aug3d_core.surface.colour import Colours, Photographs, Places, paint_vertices
-from aug3d_core.surface.shape import Shape, triangle_areas, triangle_normals
+from aug3d_core.surface.shape import Shape, split_to, triangle_areas, triangle_normals
 from aug3d_core.surface.texture import paint_texture
 
 QUARTERS = np.array([[[250, 20, 20], [20, 250, 20]], [[20, 20, 250], [250, 250, 20]]], np.uint8)  # red top left
@@ -149,6 +149,26 @@ def test_it_is_told_once_for_each_photo_however_many_chunks_there_are(
     assert len(ticks) == 3 and max(most) <= chunk
     assert ticks[-1] == len(most), "the last at the very end"
     assert abs(ticks[0] - len(most) / 3) <= 1
+
+
+def test_what_is_coloured_at_a_time_lies_together_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that each photograph is read for few parts, whatever the order of charts in the picture."""
+    shape = box(10.0)
+    fine = split_to(Shape(shape.xyz, shape.triangles), 0.5, 10**6)
+    photographs = Photographs(ground_photo(tmp_path), np.arange(1), tmp_path, tmp_path / "masks", fine, 0.5)
+    monkeypatch.setattr(texture, "CHUNK", 1600)
+    across: list[float] = []
+
+    def measured(places: Places, best: int, tick: Callable[[], None], name: str) -> Colours:
+        across.append(float(np.ptp(places.xyz[:, :2], axis=0).max()))
+        return Colours(np.zeros((len(places.xyz), 3), np.uint8), np.zeros(len(places.xyz), bool))
+
+    monkeypatch.setattr(photographs, "paint", measured)
+    paint_texture(photographs, fine, np.zeros((len(fine.xyz), 3), np.uint8), make_atlas(fine, 0.1), 1, lambda: None)
+    assert len(across) > 100
+    assert np.median(across) < 5.0, "top and floor, 800 texels each, would be 2.8 across as a square; a row is 20"
 
 
 def test_a_dark_photo_is_evened_out(tmp_path):
