@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
@@ -98,8 +100,10 @@ def recall_unordered(photos: Path, matching: Path, sfm: Path) -> dict[str, Figur
 
     table = read_photos(photos).assign(lat_deg=np.nan, lon_deg=np.nan, alt_m=np.nan)
     config = MatchingConfig(**MATCHING_PRESETS["tiny"].model_dump() | {"pairs": "coarse", "neighbours": NEIGHBOURS})
-    look = LargestFeatures(table, matching / FEATURES, config.seed, lambda *_: None)
-    chosen = choose_pairs(table, config, look).pairs
+    with tempfile.TemporaryDirectory() as scratch:
+        database = Path(shutil.copy(matching / FEATURES, scratch))  # to open it writes to it, and the store's must stay
+        look = LargestFeatures(table, database, config.seed, lambda *_: None)
+        chosen = choose_pairs(table, config, look).pairs
     views, tracks = Views.load(sfm / VIEWS), Tracks.load(sfm / TRACKS)
     shared = shared_points(visibility(tracks, len(views), len(Points.load(sfm / POINTS).xyz))).tocoo()
     together = (shared.data >= SEEN_TOGETHER) & (shared.row < shared.col)

@@ -17,6 +17,7 @@ import pycolmap
 import pytest
 from PIL import Image
 
+from aug3d_core.bench.scale import recall_unordered
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm.features import SHARDS
@@ -102,6 +103,16 @@ def test_metrics_and_table_agree(flown: tuple[Path, dict[str, Any]]) -> None:
     assert table["features"].median() == metrics["features_median"] > 1000
     assert table["photo_id"].tolist() == list(range(12))
     assert (metrics["photos_reused"], metrics["pairs_reused"]) == (0, 0)
+
+
+def test_recall_of_pairs_is_measured_without_a_trace_in_the_store(flown: tuple[Path, dict[str, Any]]) -> None:
+    """`aug3d bench scale` once changed the database that it read, which the store then took for damaged."""
+    folder, _ = flown
+    matching = files_of(folder / "sfm_matching")
+    before = {file.name: file.read_bytes() for file in matching.iterdir()}
+    found = recall_unordered(folder / "photos", matching, files_of(folder / "sfm"))
+    assert found["pairs_recall_unordered"].value == 1.0
+    assert {file.name: file.read_bytes() for file in matching.iterdir()} == before
 
 
 def test_photographs_as_they_are_show_no_feature_smaller_than_their_pixels(
