@@ -1,7 +1,8 @@
 """Start from an earlier reconstruction of most of today's photographs, so that only the new ones have to be placed.
 
-The earlier cameras are kept as they were settled; poses and points are adjusted together with the new ones. The town's last
-6 of 60 photographs, added so, end within a hundredth of a percent of the extent of where computing anew puts them.
+The earlier cameras are kept as they were settled; poses and points are adjusted together with the new ones, and earlier poses
+then taken back where the new ones bear them out (`hold.py`). The town's last 6 of 60 photographs, adjusted with the others, end
+within a hundredth of a percent of the extent of where computing anew puts them.
 """
 
 from __future__ import annotations

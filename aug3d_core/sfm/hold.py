@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pycolmap
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
-from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.rows import Rows
 from aug3d_core.geometry.similarity import Similarity, fit_similarity
-from aug3d_core.geometry.transforms import centres
+from aug3d_core.geometry.transforms import apply, centres, project
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment
 from aug3d_core.sfm.camera_model import adjustment_options, without_wrong_points
 from aug3d_core.sfm.files import WORLD
 from aug3d_core.sfm.grow import Earlier
-from aug3d_core.sfm.write import Located, by_gps
+from aug3d_core.sfm.write import Located, by_gps, gps_about
 
 _MOST_NEW = 0.25  # of the photographs: more tell the poses of the others better than these did by themselves
 _AS_WELL = 1.1  # times an error, that of new photographs or of GPS, that earlier poses may cost
@@ -137,14 +137,14 @@ def _by_sight(arrays: export.Arrays) -> dict[bytes, list[int]]:
 
 def _off_px(arrays: export.Arrays, photo_id: Int[np.ndarray, " m"]) -> float:
     """Return the median distance of what some photographs see to where it is projected; 0 if they see nothing."""
-    seen = np.isin(arrays.views.photo_id[arrays.tracks.view], photo_id)
-    if not seen.any():
-        return 0.0
-    view, pose = arrays.tracks.view[seen], arrays.views.cam_from_world[arrays.tracks.view[seen]]
-    in_cam = np.einsum("tij,tj->ti", pose[:, :, :3], arrays.points.xyz[arrays.tracks.point[seen]]) + pose[:, :, 3]
-    intrinsics = arrays.views.intrinsics[view]
-    xy = in_cam[:, :2] / in_cam[:, 2:] * intrinsics[:, :2] + intrinsics[:, 2:]
-    return float(np.median(np.linalg.norm(xy - arrays.tracks.xy[seen], axis=1)))
+    views, xyz, tracks = arrays.views, arrays.points.xyz, arrays.tracks
+    rows, off_px = Rows(tracks.view, len(views)), [np.zeros(0)]
+    for view in np.flatnonzero(np.isin(views.photo_id, photo_id)):
+        seen = rows.having(np.array([view]))
+        there = project(apply(views.cam_from_world[view], xyz[tracks.point[seen]]), views.intrinsics[view])
+        off_px.append(np.linalg.norm(there - tracks.xy[seen], axis=1))
+    found_px = np.concatenate(off_px)
+    return float(np.median(found_px)) if len(found_px) else 0.0
 
 
 def _where_it_was(
@@ -158,13 +158,8 @@ def _where_it_was(
         return Located(same, np.full(3, np.nan))
     origin, alt_m = world["origin"], world["origin"]["alt_m"]
     about = np.array([origin["lat_deg"], origin["lon_deg"], alt_m or 0.0])
-    residual_m = _gps_off_m(arrays, photos, about)
+    gps_enu_m = gps_about(about, photos)[arrays.views.photo_id]
+    residual_m = np.linalg.norm((centres(arrays.views.cam_from_world) - gps_enu_m)[:, :2], axis=1)
     if np.nanmedian(residual_m) > _AS_WELL * np.nanmedian(found.residual_m):
         return None
     return Located(replace(same, residual_m=residual_m, up_offset_m=np.nan if alt_m is None else 0.0), about)
-
-
-def _gps_off_m(arrays: export.Arrays, photos: pd.DataFrame, origin: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
-    geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].fillna({"alt_m": origin[2]}).to_numpy(float)
-    gps_enu_m = enu_from_geodetic(geodetic[arrays.views.photo_id], origin)
-    return np.linalg.norm((centres(arrays.views.cam_from_world) - gps_enu_m)[:, :2], axis=1)

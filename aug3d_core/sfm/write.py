@@ -78,8 +78,7 @@ def align_model(
         _move(model, told.world_from_model)
         control = adjust_to_control(model, marks, told) if adjusting else Adjusted(told, False)
         arrays = export.to_arrays(model)
-        geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].fillna({"alt_m": told.origin[2]}).to_numpy(float)
-        gps_enu_m = enu_from_geodetic(geodetic[placed], told.origin)
+        gps_enu_m = gps_about(told.origin, photos)[placed]
         alignment = align_to_control(arrays.views.cam_from_world, arrays.points.xyz, gps_enu_m)
         located = Located(alignment, told.origin, control)
     else:
@@ -91,6 +90,12 @@ def align_model(
 
 def _move(model: pycolmap.Reconstruction, fit: Similarity) -> None:
     model.transform(pycolmap.Sim3d(fit.scale, pycolmap.Rotation3d(fit.rotation), fit.translation))
+
+
+def gps_about(origin: Float[np.ndarray, " 3"], photos: pd.DataFrame) -> Float[np.ndarray, "n 3"]:
+    """Return ENU metres of all photographs about a place (latitude, longitude, height), NaN without GPS."""
+    geodetic = photos[["lat_deg", "lon_deg", "alt_m"]].fillna({"alt_m": origin[2]}).to_numpy(float)
+    return enu_from_geodetic(geodetic, origin)
 
 
 def by_gps(arrays: export.Arrays, photos: pd.DataFrame, rng: np.random.Generator) -> Alignment:
