@@ -8,6 +8,7 @@ from typing import Any
 from aug3d_core.groups.config import ENOUGH, GroupingConfig
 from aug3d_core.groups.spare import MOST_SHOWN
 from aug3d_core.run.stage import Decision
+from aug3d_core.split.split import MOST_NARROWED
 
 
 def decisions(metrics: Mapping[str, Any], config: GroupingConfig, notes: Sequence[str]) -> Iterator[Decision]:
@@ -35,6 +36,14 @@ def decisions(metrics: Mapping[str, Any], config: GroupingConfig, notes: Sequenc
             value=round(gap, 2),
             measured=next((note for note in notes if "gap" in note), f"{config.gap_footprints} asked for"),
             rule="as wide as leaves enough to train on",
+        )
+    if metrics["test_reason"]:
+        yield Decision(
+            field="grouping.test",
+            value=f"the {metrics['test_kept']} photographs of before" if metrics["test_kept"] else "chosen anew",
+            measured=metrics["test_reason"],
+            rule=f"the test of a scene that grows stays while it is half the share asked for ({config.test_share:.0%}) and"
+            f" its gap is narrowed by at most {MOST_NARROWED:.0%}",
         )
     small = "one block holds few test photographs, or training sees it"
     enough = "one block holds enough test photographs behind a gap"

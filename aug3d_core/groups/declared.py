@@ -37,7 +37,8 @@ GROUPING = Stage(
             "members_sharing_nothing_share members_apart_share members_unseen_share jaccard_mean "
             "test_shared_points_median folds train_views gap_views support_views target_views "
             "spare_views spare_possible worth_training_on "
-            "footprint_world_units gap_footprints gap_shared_share"
+            "footprint_world_units gap_footprints gap_shared_share test_kept test_reason"
         ),
     ),
+    grows=True,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,8 +35,10 @@ from aug3d_core.groups.read_scene import read_scene
 from aug3d_core.groups.scene import GroupingScene
 from aug3d_core.groups.spare import spare_views
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import AS_SET, Inputs, Outcome, Progress
-from aug3d_core.sfm.files import TRACKS
+from aug3d_core.sfm.files import COMPONENTS, TRACKS
+from aug3d_core.split.earlier import earlier_test
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.split.split import Role, Split, split_views
 
@@ -47,7 +50,10 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     views, points_in_world = scene.views, scene.points_in_world
     visible = visibility(tracks, len(views), len(points_in_world))
     footprint = footprints(tracks, points_in_world, scene.look_in_world)
-    whole = split_views(scene.look_in_world, footprint, views.photo_id, visible, config)
+    there: list[str] = json.loads((inputs["sfm"] / COMPONENTS).read_text())["photo_sha256"]
+    photo_sha256 = [there[photo_id] for photo_id in views.photo_id]
+    earlier = earlier_test(inputs.get(EARLIER), photo_sha256, set(there), scene.look_in_world)
+    whole = split_views(scene.look_in_world, footprint, views.photo_id, visible, config, earlier)
     thinned = _thinned(whole, scene, config.enough or ENOUGH)
     split = thinned if config.enough else whole
     train = split.views(Role.TRAIN)
@@ -56,7 +62,7 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     members = METHODS[config.method](scene, train, size.k, config.groups, config, rng)
     alone = left_out(scene, train, members, config.method)
     test_members = test_groups(scene, split, size.k)
-    split_table(split, scene).to_parquet(out / SPLIT_TABLE)
+    split_table(split, scene, photo_sha256).to_parquet(out / SPLIT_TABLE)
     left_out_table(alone, views.photo_id).to_parquet(out / LEFT_OUT_TABLE)
     with (out / GROUPS).open("wb") as file:
         np.savez(file, members=members, test_members=test_members)
@@ -70,6 +76,8 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     possible = {
         "spare_possible": len(thinned.views(Role.SPARE)),
         "worth_training_on": len(thinned.views(Role.TRAIN)),
+        "test_kept": len(split.views(Role.TARGET)) if split.kept else 0,
+        "test_reason": split.reason,
     }
     metrics = chosen | made | figures | possible
     notes = (*split_remarks(figures, config), *doubts, *size.notes, *remarks(alone, views.photo_id))
@@ -98,13 +106,15 @@ def test_groups(scene: GroupingScene, split: Split, k: int) -> Int[np.ndarray, "
     return np.stack([shared_points.most_shared(scene, target, support, size) for target in targets])
 
 
-def split_table(split: Split, scene: GroupingScene) -> pd.DataFrame:
+def split_table(split: Split, scene: GroupingScene, photo_sha256: list[str]) -> pd.DataFrame:
     """Return one row per view. Nothing in it depends on the groups: stages that read the split alone need not know them."""
     return pd.DataFrame(
         {
             "view": np.arange(len(scene.views)),
             "photo_id": scene.views.photo_id,
+            "photo_sha256": photo_sha256,
             "role": split.role.tolist(),
+            "folds": split.folds,
             "look_x": scene.look_in_world[:, 0],
             "look_y": scene.look_in_world[:, 1],
         }

@@ -3,7 +3,8 @@
 The ground that the views look at is cut across its longest direction, and one piece is the test block. Its views are
 `support` (inputs at test time) or `target` (what is predicted). A view outside that looks within a footprint of where one
 of the block looks, or shares too many points with the block, is `gap` and used by nobody in training; the rest is `train`.
-Grouping may find `spare` ones among `gap` and `train`: enough others show the same.
+Grouping may find `spare` ones among `gap` and `train`: enough others show the same. A scene that grows keeps its test
+(`earlier.py`), so that its figures compare.
 
 A single split takes an end of the ground. Where that would test too few photographs to say anything, or leave a test that
 training sees, both ends are taken: each is the test block of a data set and a model of its own, and the figures are taken
@@ -58,11 +59,21 @@ class Role(StrEnum):
 
 
 @dataclass(frozen=True)
+class HeldOut:
+    """A test block, and which of its views are predicted."""
+
+    block: Bool[np.ndarray, " n"]
+    targets: Int[np.ndarray, " t"]
+
+
+@dataclass(frozen=True)
 class Split:
-    """The role of each view, and the number of folds this is one of."""
+    """The role of each view, the number of folds this is one of, and what was found about an earlier test, if there is one."""
 
     role: np.ndarray  # (n,) of str
     folds: int
+    kept: bool = False
+    reason: str = ""
 
     def without(self, spare: Int[np.ndarray, " s"]) -> Split:
         """Return the split with these views spare."""
@@ -81,8 +92,11 @@ def split_views(
     photo_id: Int[np.ndarray, " n"],
     visible: sparse.csr_array,
     config: SplitSettings,
+    earlier: HeldOut | None = None,
 ) -> Split:
-    """Split the views; `footprint` in world units, `visible` is views x points.
+    """Split the views; `footprint` in world units, `visible` is views x points. earlier: the test before the scene grew.
+
+    An earlier test stays, unless it is less than half the share that is asked for or its gap would be narrowed too far.
 
     If fewer than about a third (and at least 2) of the views are left for training, the gap is narrowed, in ground and in
     shared points alike, until they are. Of the ways to hold ground out, the first is taken
@@ -105,8 +119,15 @@ def split_views(
     def cut(block: Bool[np.ndarray, " n"]) -> _Cut:
         needed = _narrowing(block, look_in_world, footprint, visible, config)
         narrowed = float(np.sort(needed)[min(least, count - int(block.sum())) - 1])
-        return _Cut(block, needed <= narrowed, narrowed, _targets(block, photo_id))
+        return _Cut(block, _targets(block, photo_id), needed <= narrowed, narrowed)
 
+    reason = ""
+    if earlier is not None:
+        was = replace(cut(earlier.block), targets=earlier.targets)
+        share = was.block.mean()
+        reason = f"the test block holds {share:.0%} of the photographs, and its gap is narrowed by {was.narrowed:.0%}"
+        if share >= config.test_share / 2 and was.narrowed <= MOST_NARROWED:
+            return Split(_roles(was), 1, kept=True, reason=reason)
     along = np.lexsort((photo_id, look_in_world @ main_axis(look_in_world)))
     cuts = _chosen(_ways(along, cut, config))
     if config.fold >= len(cuts):
@@ -114,21 +135,22 @@ def split_views(
             f"there is no grouping.fold {config.fold}: the scene has {len(cuts)}, counted from 0",
             f"Set grouping.fold to at most {len(cuts) - 1}, or leave it out.",
         )
-    own = cuts[config.fold]
-    role = np.where(own.train, Role.TRAIN, Role.GAP).astype("<U7")
-    role[own.block] = Role.SUPPORT
-    role[own.targets] = Role.TARGET
-    return Split(role, len(cuts))
+    return Split(_roles(cuts[config.fold]), len(cuts), reason=reason)
 
 
 @dataclass(frozen=True)
-class _Cut:
-    """A test block, the views that may be trained on, how far the gap between them is narrowed, and the block's targets."""
+class _Cut(HeldOut):
+    """A test block, the views that may be trained on, and how far the gap between them is narrowed."""
 
-    block: Bool[np.ndarray, " n"]
     train: Bool[np.ndarray, " n"]
     narrowed: float
-    targets: Int[np.ndarray, " t"]
+
+
+def _roles(cut: _Cut) -> np.ndarray:
+    role = np.where(cut.train, Role.TRAIN, Role.GAP).astype("<U7")
+    role[cut.block] = Role.SUPPORT
+    role[cut.targets] = Role.TARGET
+    return role
 
 
 def _ways(

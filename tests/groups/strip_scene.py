@@ -29,6 +29,19 @@ def fly(views: int = 40, points: int = 3000, length_m: float = 400.0, seed: int 
     )
 
 
+def part_of(flight: tuple[Views, Points, Tracks], kept: np.ndarray) -> tuple[Views, Points, Tracks]:
+    """Return the flight with only these views, in this order, and photo ids that count them."""
+    views, points, tracks = flight
+    now = np.full(len(views), -1)
+    now[kept] = np.arange(len(kept))
+    there = now[tracks.view] >= 0
+    return (
+        Views(np.arange(len(kept)), views.cam_from_world[kept], views.intrinsics[kept], views.size[kept]),
+        points,
+        Tracks(tracks.point[there], now[tracks.view[there]], tracks.xy[there]),
+    )
+
+
 def scene_of(views: Views, points: Points, tracks: Tracks) -> GroupingScene:
     """Return the scene with its similarity."""
     shared = shared_points(visibility(tracks, len(views), len(points.xyz)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from filecmp import cmp
 from pathlib import Path
 
@@ -17,26 +19,36 @@ from aug3d_core.groups.config import ENOUGH, GroupingConfig, SimilarityConfig
 from aug3d_core.groups.methods import METHODS
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
-from tests.groups.strip_scene import fly
+from tests.groups.strip_scene import fly, part_of
 
 
 def silent(done: int, total: int, what: str) -> None: ...
 
 
-def write_sfm(folder: Path, flight: tuple) -> Path:
+def write_sfm(folder: Path, flight: tuple, photo_sha256: Sequence[str] | None = None) -> Path:
     folder.mkdir(parents=True)
     for part, name in zip(flight, ("views.npz", "points.npz", "tracks.npz"), strict=True):
         part.save(folder / name)
+    known = photo_sha256 or [str(photo_id) for photo_id in range(flight[0].photo_id.max() + 1)]
+    (folder / "components.json").write_text(json.dumps({"photo_sha256": known}))
     return folder
 
 
-def run_both(tmp_path: Path, flight: tuple, out: str = "out", **config: float | str) -> tuple[Outcome, Outcome, Path]:
-    sfm = write_sfm(tmp_path / out / "sfm", flight)
+def run_both(
+    tmp_path: Path,
+    flight: tuple,
+    out: str = "out",
+    photo_sha256: Sequence[str] | None = None,
+    earlier: Path | None = None,
+    **config: float | str,
+) -> tuple[Outcome, Outcome, Path]:
+    sfm = write_sfm(tmp_path / out / "sfm", flight, photo_sha256)
     similarity, grouping = tmp_path / out / "similarity", tmp_path / out / "grouping"
     similarity.mkdir()
     grouping.mkdir()
     alike = similarity_stage.run({"sfm": sfm}, SimilarityConfig(), similarity, silent)
-    grouped = stage.run({"sfm": sfm, "similarity": similarity}, GroupingConfig(**config), grouping, silent)
+    inputs = {"sfm": sfm, "similarity": similarity} | ({"earlier": earlier} if earlier else {})
+    grouped = stage.run(inputs, GroupingConfig(**config), grouping, silent)
     return alike, grouped, grouping
 
 
@@ -73,6 +85,37 @@ def test_same_input_same_bytes(tmp_path: Path) -> None:
     run_both(tmp_path, fly(), "two")
     for file in sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")):
         assert cmp(tmp_path / "one" / file, tmp_path / "two" / file, shallow=False), file
+
+
+def roles(out: Path) -> pd.Series:
+    table = pd.read_parquet(out / "split.parquet")
+    return table["role"].astype(str).set_axis(table["photo_sha256"])
+
+
+@pytest.mark.parametrize("new", [np.arange(5, 60, 10), np.arange(24, 36)], ids=["spread", "at the end"])
+def test_a_scene_that_grows_is_tested_on_the_photographs_of_before(tmp_path: Path, new: np.ndarray) -> None:
+    flight, was = fly(60, points=6000), np.setdiff1d(np.arange(60), new)[::-1]
+    folder = tmp_path / "earlier"
+    folder.mkdir()
+    (folder / "00").symlink_to(run_both(tmp_path, part_of(flight, was), "was", [f"photo{i}" for i in was])[2])
+    now, named = part_of(flight, np.arange(60)), [f"photo{i}" for i in range(60)]
+    _, grown, out = run_both(tmp_path, now, "grown", named, folder)
+    _, anew, fresh = run_both(tmp_path, now, "anew", named)
+    before, after, otherwise = roles(folder / "00"), roles(out), roles(fresh)
+    targets = before.index[before == "target"]
+    assert set(after.index[after == "target"]) == set(targets) != set(otherwise.index[otherwise == "target"])
+    assert (after[before.index[before == "support"]] == "support").all(), "what was given stays given"
+    added = after[[f"photo{i}" for i in new]]
+    assert (added != "target").all() and (added == "support").any() == (otherwise[added.index] == "support").any()
+    assert grown.metrics["gap_shared_share"] <= 0.1 and grown.metrics["gap_footprints"] >= 1, (
+        "training sees no more of it"
+    )
+    assert grown.metrics["test_kept"] == len(targets) and not anew.metrics["test_kept"]
+    told = next(decision for decision in grown.decisions if decision.field == "grouping.test")
+    assert (
+        told.value == f"the {len(targets)} photographs of before" and "of the photographs, and its gap" in told.measured
+    )
+    assert all(decision.field != "grouping.test" for decision in anew.decisions)
 
 
 def test_spare_photographs_are_left_out_and_counted_where_none_is(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ _CALLED = {
     "grouping.enough": "photographs worth using",
     "grouping.k": "photographs in a group (K)",
     "grouping.gap_footprints": "gap around the test [footprints]",
+    "grouping.test": "test photographs of before",
     "grouping.folds": "folds",
     "depth.planes": "depth planes, median",
     "depth.maps": "depth maps of before",

@@ -17,7 +17,7 @@ from aug3d_core.run.stage import Decision, Metric, Stage, StageConfig
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
-_GREW = ("photos_reused", "grown_from")  # metrics of a stage that extended an earlier result, which costs less
+_GREW = ("photos_reused", "grown_from", "test_kept")  # metrics of a stage that has extended an earlier result
 Say = Callable[[str, int, int, str], None]  # stage, done, total, what
 
 
