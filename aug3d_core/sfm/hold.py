@@ -57,7 +57,11 @@ def hold(grown: pycolmap.Reconstruction, earlier: Earlier, photos: pd.DataFrame,
     model = _added(earlier.model, grown)
     arrays = _as_they_were(export.to_arrays(model), before)
     times = _off_px(arrays, new) / max(_off_px(now, new), 1e-9)
-    found = f"new photographs fit earlier poses with {times:.2f} times the error"
+    found = (
+        f"new photographs fit earlier poses with {times:.2f} times the error"
+        if len(new)
+        else "no new photograph is placed"
+    )
     if times > _AS_WELL:
         return None, found
     world = by_gps(now, photos, np.random.default_rng(seed))
