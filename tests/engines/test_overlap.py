@@ -25,12 +25,12 @@ from aug3d_core.overlap.true_overlap import NET, seen_places, true_overlaps
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
-from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import VIEW_IMAGES
 from aug3d_core.surface.files import BASELINE_MESH
 from aug3d_core.town.files import TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
 from aug3d_core.town.truth import overlap_stage as town_stage
 from aug3d_core.town.truth.patchwork import block, ground, patchwork
-from tests.groups.strip_scene import fly
+from tests.groups.strip_scene import fly, write_sfm
 
 RNG = np.random.default_rng(0)
 FIELD = patchwork([ground(400, 100)], RNG)
@@ -97,9 +97,9 @@ def inputs_of_strip(folder: Path, k: int, photos: int = 40, length_m: float = 40
     inputs = {name: folder / name for name in ("sfm", "similarity", "grouping", "surface", "town")}
     for path in (*inputs.values(), inputs["sfm"] / VIEW_IMAGES, inputs["town"] / TOWN_TRUTH):
         path.mkdir(parents=True)
-    views, points, tracks = fly(photos, length_m=length_m)
-    for part, name in ((views, VIEWS), (points, POINTS), (tracks, TRACKS)):
-        part.save(inputs["sfm"] / name)
+    flight = fly(photos, length_m=length_m)
+    write_sfm(inputs["sfm"], flight)
+    views, _, _ = flight
     views.save(inputs["town"] / TRUTH_POSES)
     for photo_id in views.photo_id:
         image = Image.new("RGB", (120, 120), (int(photo_id), 90, 90))

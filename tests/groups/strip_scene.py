@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
 from aug3d_core.geometry.shared_points import look_positions, shared_points, visibility
 from aug3d_core.geometry.transforms import centres, look_at
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.groups.scene import GroupingScene
+from aug3d_core.sfm.files import COMPONENTS, POINTS, TRACKS, VIEWS
 
 
 def fly(views: int = 40, points: int = 3000, length_m: float = 400.0, seed: int = 0) -> tuple[Views, Points, Tracks]:
@@ -40,6 +45,16 @@ def part_of(flight: tuple[Views, Points, Tracks], kept: np.ndarray) -> tuple[Vie
         points,
         Tracks(tracks.point[there], now[tracks.view[there]], tracks.xy[there]),
     )
+
+
+def write_sfm(folder: Path, flight: tuple[Views, Points, Tracks], photo_sha256: Sequence[str] | None = None) -> Path:
+    """Write what grouping reads of structure from motion; return the folder. photo_sha256: by photo id; made up without."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for part, name in zip(flight, (VIEWS, POINTS, TRACKS), strict=True):
+        part.save(folder / name)
+    known = photo_sha256 or [str(photo_id) for photo_id in range(flight[0].photo_id.max() + 1)]
+    (folder / COMPONENTS).write_text(json.dumps({"photo_sha256": known}))
+    return folder
 
 
 def scene_of(views: Views, points: Points, tracks: Tracks) -> GroupingScene:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from filecmp import cmp
 from pathlib import Path
@@ -19,19 +18,10 @@ from aug3d_core.groups.config import ENOUGH, GroupingConfig, SimilarityConfig
 from aug3d_core.groups.methods import METHODS
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
-from tests.groups.strip_scene import fly, part_of
+from tests.groups.strip_scene import fly, part_of, write_sfm
 
 
 def silent(done: int, total: int, what: str) -> None: ...
-
-
-def write_sfm(folder: Path, flight: tuple, photo_sha256: Sequence[str] | None = None) -> Path:
-    folder.mkdir(parents=True)
-    for part, name in zip(flight, ("views.npz", "points.npz", "tracks.npz"), strict=True):
-        part.save(folder / name)
-    known = photo_sha256 or [str(photo_id) for photo_id in range(flight[0].photo_id.max() + 1)]
-    (folder / "components.json").write_text(json.dumps({"photo_sha256": known}))
-    return folder
 
 
 def run_both(
