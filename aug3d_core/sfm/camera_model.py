@@ -41,7 +41,7 @@ _SHORTEST_TRACK = 3  # one held out leaves two
 _HELD_OUT = 10
 # Of Cauchy's loss. Without it a hundredth of wrong matches bent a flight of ten photographs by 3 degrees (0.08 with it), and
 # the town's poses were off by 0.017 degrees (0.008); 0.25 to 1 px do alike. A flight that hinged on few points needed 1e-5;
-# 1e-6 gains small scenes 1 to 2 % of their error, and lets a flight of 2,000 bend to twice its own.
+# 1e-6 takes 1 to 2 % off the error of small scenes, and 2,000 photographs then bend twice as far.
 _SURE_PX, _SETTLED = 0.5, 1e-5
 # Photographs that are solved for exactly, thus all: each shares points with few others. COLMAP iterates from 1,000 on
 _SOLVED_EXACTLY = 1_000_000
