@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from aug3d_core.metrics.comparison import PSNR, Comparison, Row, Side, change_text, compare, overlapping, side
+from aug3d_core.metrics.comparison import PSNR, Comparison, Row, Side, change_text, compare, psnr_words, side
+from aug3d_core.metrics.pooled import psnr_by_photo
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import RULES
@@ -98,7 +99,8 @@ def _side(store: Store, run: str) -> Side:
             }
             return Side(f"{logged.name} ({run})", about, logged.params, logged.metrics)
     metrics = version_metrics(version)
-    return side(f"{version.parent.name}@{version.name}", metrics, records_of(store, metrics))
+    records = records_of(store, metrics)
+    return side(f"{version.parent.name}@{version.name}", metrics, records, psnr_by_photo(store, records))
 
 
 def _print(console: Console, compared: Comparison, equal_too: bool) -> None:
@@ -128,11 +130,10 @@ def _runs_table(compared: Comparison) -> Table:
 def _verdict(compared: Comparison) -> str:
     if compared.not_comparable:
         return f"[yellow]the scores cannot be compared[/]: {escape(compared.not_comparable)}"
-    chance = [letter for place, letter in _others(compared) if overlapping(compared, place)]
-    said = "the scores can be compared: the same test photographs and rules"
-    if chance:
-        said += f"; the intervals of A and {', '.join(chance)} overlap, so the difference in PSNR may be chance"
-    return said
+    told = [
+        f"{letter} against A: {words}" for place, letter in _others(compared) if (words := psnr_words(compared, place))
+    ]
+    return "\n".join(["the scores can be compared: the same test photographs and rules", *map(escape, told)])
 
 
 def _table(title: str, compared: Comparison, rows: Sequence[Row]) -> Table:

@@ -17,6 +17,7 @@ from aug3d_core.factory.estimate.room import needed_bytes, size_words
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.walk import Visit, walk
 from aug3d_core.metrics.comparison import Comparison, compare, side
+from aug3d_core.metrics.pooled import psnr_by_photo
 from aug3d_core.metrics.scene_metrics import scene_metrics
 from aug3d_core.report.reads import read_of
 from aug3d_core.report.scene_report import write_report
@@ -113,7 +114,13 @@ def beside_published(store: Store, metrics: Mapping[str, Any], records: Mapping[
     if then is None:
         return None
     name = Path(then["paths"]["metrics"]).parent.name
-    return compare([side(name, then, records_of(store, then)), side("this version", metrics, records)])
+    before = records_of(store, then)
+    return compare(
+        [
+            side(name, then, before, psnr_by_photo(store, before)),
+            side("this version", metrics, records, psnr_by_photo(store, records)),
+        ]
+    )
 
 
 def _conclude(

@@ -18,7 +18,7 @@ from prefect.artifacts import (
 )
 from prefect.runtime import flow_run
 
-from aug3d_core.metrics.comparison import Comparison, change_text
+from aug3d_core.metrics.comparison import Comparison, change_text, psnr_words
 from aug3d_core.report.thumbnails import is_film, thumbnail_jpeg
 from aug3d_core.run.progress import failures_logged
 from aug3d_core.store import layout
@@ -88,10 +88,13 @@ def publish_comparison(compared: Comparison) -> None:
         {"figure": row.name, "published": row.values[0], "now": row.values[1], "change": change_text(row, 1)}
         for row in (*compared.headline, *compared.params)
     ]
-    told = f"The scores cannot be compared: {compared.not_comparable}" if compared.not_comparable else ""
-    create_table_artifact(
-        key=artifact_key("beside published"), table=rows, description=told or f"Beside {compared.runs[0]}"
+    told = (
+        f"the scores cannot be compared: {compared.not_comparable}"
+        if compared.not_comparable
+        else psnr_words(compared, 1)
     )
+    beside = f"Beside {compared.runs[0]}" + (f": {told}" if told else "")
+    create_table_artifact(key=artifact_key("beside published"), table=rows, description=beside)
 
 
 def publish_batch(ends: Mapping[str, tuple[str, str]]) -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from aug3d_core.factory.stages import STAGES
+from aug3d_core.judging.summary import interval
 from aug3d_core.metrics.flat import SUMS, flat_values, settings_of
 from aug3d_core.run.metric import MetricSpec, declared, spec_of, unit_of
 from aug3d_core.store.published import RULES
@@ -29,12 +32,16 @@ _COSTS = ("s", "MiB", "1/s", "1/min")
 
 @dataclass(frozen=True)
 class Side:
-    """A run as it is compared: its name, what it is, its settings (as text) and its figures, both by `stage.name`."""
+    """A run as it is compared: its name, what it is, its settings (as text) and its figures, both by `stage.name`.
+
+    psnr: of each test photograph [dB], by digest of its file, in the order of the flight; empty where that is not known.
+    """
 
     name: str
     about: Mapping[str, str]
     params: Mapping[str, str]
     metrics: Mapping[str, Any]
+    psnr: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -57,25 +64,49 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Gain:
+    """How far a run's PSNR is above the first run's [dB]: the mean over the photographs that both were tested on, and its 95 %
+    interval, None for one photograph.
+    """
+
+    photos: int
+    mean_db: float
+    interval_db: tuple[float, float] | None
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is more than chance: the interval has zero on one side."""
+        return self.interval_db is not None and (self.interval_db[0] > 0 or self.interval_db[1] < 0)
+
+
+@dataclass(frozen=True)
 class Comparison:
     """Runs beside each other; the first is what the others are compared with.
 
     not_comparable: why the scores of the test say nothing about each other, "" if they do. psnr_intervals: in dB, None where
-    a run has no tested model. lacks: the steps of others that a run has not; they have no rows in params and metrics.
+    a run has no tested model. gains: of each run over the first, photograph by photograph; None of the first, and where the
+    photographs' own scores are not known. lacks: the steps of others that a run has not; they have no rows in params and
+    metrics.
     """
 
     runs: tuple[str, ...]
     not_comparable: str
     lacks: tuple[tuple[str, ...], ...]
     psnr_intervals: tuple[tuple[float, float] | None, ...]
+    gains: tuple[Gain | None, ...]
     about: tuple[Row, ...]
     headline: tuple[Row, ...]
     params: tuple[Row, ...]
     metrics: tuple[Row, ...]
 
 
-def side(name: str, metrics: Mapping[str, Any], records: Mapping[str, Record]) -> Side:
-    """Return a version from its `metrics.json` and the records of its steps; a step without a record tells no settings."""
+def side(
+    name: str, metrics: Mapping[str, Any], records: Mapping[str, Record], psnr: Mapping[str, float] | None = None
+) -> Side:
+    """Return a version from its `metrics.json` and the records of its steps; a step without a record tells no settings.
+
+    psnr: as in `Side`.
+    """
     stages = metrics["stages"]
     computed = sum(not figures["cached"] for figures in stages.values())
     about = {what: str(metrics[what]) for what in _ABOUT} | {"computed": f"{computed} of {len(stages)} steps"}
@@ -83,7 +114,7 @@ def side(name: str, metrics: Mapping[str, Any], records: Mapping[str, Record]) -
         about["data set"] = stages["dataset"]["digest"][:12]
     about |= {rule: metrics.get("nvs", {}).get(rule) or "" for rule in RULES}
     values = {what: value for what, value in flat_values(metrics).items() if what.rpartition(".")[2] not in RULES}
-    return Side(name, about, {what: str(value) for what, value in settings_of(records).items()}, values)
+    return Side(name, about, {what: str(value) for what, value in settings_of(records).items()}, values, psnr or {})
 
 
 def compare(sides: Sequence[Side], *, equal_too: bool = False) -> Comparison:
@@ -92,10 +123,13 @@ def compare(sides: Sequence[Side], *, equal_too: bool = False) -> Comparison:
     What is worse or better is said within one scene alone, and of the test where it was the same.
     """
     why_not = _not_comparable(sides)
+    gains = tuple(None if why_not or one is sides[0] else _gain(sides[0], one) for one in sides)
     one_scene = len({one.about.get("scene") for one in sides}) == 1
     steps = [dict.fromkeys(name.partition(".")[0] for name in one.metrics if "." in name) for one in sides]
     common = {step for step in steps[0] if all(step in others for others in steps)}
     figures = _rows([one.metrics for one in sides], one_scene, not why_not)
+    if PSNR in figures:
+        figures[PSNR] = _where_sure(figures[PSNR], gains)
     cheap = [name for name in figures if name.startswith(_CHEAP)]
     headline = [name for name in (PSNR, SSIM, OVER_CHEAP, *cheap, *SUMS) if name in figures]
 
@@ -109,6 +143,7 @@ def compare(sides: Sequence[Side], *, equal_too: bool = False) -> Comparison:
         not_comparable=why_not,
         lacks=tuple(tuple(step for others in steps for step in others if step not in own) for own in steps),
         psnr_intervals=tuple(_interval(one) for one in sides),
+        gains=gains,
         about=tuple(_rows([one.about for one in sides], False, False).values()),
         headline=tuple(figures[name] for name in headline),
         params=_by_stage(filter(shown, params.values())),
@@ -116,10 +151,23 @@ def compare(sides: Sequence[Side], *, equal_too: bool = False) -> Comparison:
     )
 
 
-def overlapping(comparison: Comparison, run: int) -> bool:
-    """Say whether a run's interval of PSNR has a part in common with the first's: the difference may then be chance."""
-    first, other = comparison.psnr_intervals[0], comparison.psnr_intervals[run]
-    return first is not None and other is not None and first[0] <= other[1] and other[0] <= first[1]
+def psnr_words(comparison: Comparison, run: int) -> str:
+    """Say whether the PSNR of a run differs from the first's by more than chance; "" where nothing tells, or nothing differs.
+
+    Paired over photographs: one is harder than another for every model, so that intervals of two means overlap long after
+    their difference is sure.
+    """
+    gain, first, other = comparison.gains[run], comparison.psnr_intervals[0], comparison.psnr_intervals[run]
+    if gain is not None:
+        ends = gain.interval_db
+        if not gain.mean_db and (ends is None or ends[0] == ends[1]):
+            return ""
+        told = f"{gain.mean_db:+.2f} dB" + ("" if ends is None else f" [{ends[0]:+.2f}, {ends[1]:+.2f}]")
+        over = f"{told} over the same {gain.photos} photographs" if gain.photos > 1 else f"{told} on one photograph"
+        return over if gain.sure else f"{over}, which may be chance"
+    if first is not None and other is not None and first[0] <= other[1] and other[0] <= first[1]:
+        return "the intervals of PSNR overlap, so the difference may be chance"
+    return ""
 
 
 def change_text(row: Row, run: int) -> str:
@@ -140,6 +188,19 @@ def _rows(tables: Sequence[Mapping[str, Any]], judged: bool, test_judged: bool) 
         )
         for name in dict.fromkeys(name for table in tables for name in table)
     }
+
+
+def _gain(first: Side, other: Side) -> Gain | None:
+    if not first.psnr or first.psnr.keys() != other.psnr.keys():
+        return None
+    over_db = np.array([psnr - first.psnr[photo] for photo, psnr in other.psnr.items()])
+    return Gain(len(over_db), float(over_db.mean()), interval(over_db))
+
+
+def _where_sure(row: Row, gains: Sequence[Gain | None]) -> Row:
+    """Return PSNR's row without a verdict where photograph by photograph the difference may be chance."""
+    better = (said if gain is None or gain.sure else None for said, gain in zip(row.better, gains, strict=True))
+    return replace(row, better=tuple(better))
 
 
 def _told_twice(row: Row, figures: Mapping[str, Row]) -> bool:

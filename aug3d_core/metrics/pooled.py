@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,10 @@ import pandas as pd
 
 from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.judging.summary import summary
+from aug3d_core.photos.files import PHOTO_TABLE, read_photos
+from aug3d_core.run.errors import StoreError
 from aug3d_core.store.record import Record
+from aug3d_core.store.store import Store
 
 
 def pooled(evaluations: Sequence[tuple[Record, Path]]) -> dict[str, Any]:
@@ -33,6 +36,22 @@ def test_views(folders: Sequence[Path]) -> pd.DataFrame:
     tables = [pd.read_parquet(folder / TEST_VIEWS).assign(fold=fold) for fold, folder in enumerate(folders)]
     joined = pd.concat(tables, ignore_index=True)
     return joined.assign(group=joined.groupby(["fold", "group"]).ngroup())
+
+
+def psnr_by_photo(store: Store, records: Mapping[str, Record]) -> dict[str, float]:
+    """Return the PSNR of each test photograph [dB] by digest of its file, in the order of the flight; {} where files are gone.
+
+    records: of a version's steps.
+    """
+    tests = [record for step, record in records.items() if step.partition("_fold")[0] == "evaluation"]
+    if not tests or "photos" not in records:
+        return {}
+    try:
+        photos = read_photos(store.files_dir(records["photos"], [PHOTO_TABLE])).set_index("photo_id")["sha256"]
+        views = test_views([store.files_dir(record, [TEST_VIEWS]) for record in tests])
+    except StoreError:
+        return {}
+    return dict(zip(photos.loc[views["photo_id"]], views["psnr"].astype(float), strict=True))
 
 
 def _digest(parts: Sequence[Any]) -> str:

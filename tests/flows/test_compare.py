@@ -36,9 +36,19 @@ def test_a_person_reads_what_differs_and_which_is_better(tmp_path: Path, version
     done = invoke(tmp_path, *(f"town@{folder.name}" for folder in versions[:2]))
     assert done.exit_code == 0, done.output
     assert "the scores can be compared" in done.output and "+1.00 dB better" in done.output
+    assert "against A: " not in done.output, "no photograph's own score is known, and the intervals are apart"
     assert "21.00 [21.00, 21.00]" in done.output and "settings: no difference" in done.output
     assert "training.train_psnr" not in done.output, "it is the same"
     assert "training.train_psnr" in invoke(tmp_path, "town", "town", "--all").output
+
+
+def test_photographs_are_paired_by_what_they_are_not_by_their_numbers(tmp_path: Path) -> None:
+    before = version(tmp_path, "a", 21.0, each={"x": 18.0, "y": 21.0, "z": 24.0})
+    version(tmp_path, "b", 21.5, each={"z": 24.4, "x": 18.5, "y": 21.6})
+    said = "B against A: +0.50 dB [+0.25, +0.75] over the same 3 photographs"
+    assert said in invoke(tmp_path, f"town@{before.name}", "town").output
+    gain = told(tmp_path, f"town@{before.name}", "town")["gains"][1]
+    assert gain["photos"] == 3 and gain["mean_db"] == pytest.approx(0.5)
 
 
 def test_other_photographs_are_told(tmp_path: Path, versions: list[Path]) -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.factory.stages import FROM_TOWN
-from aug3d_core.metrics.comparison import PSNR, Comparison, Row, Side, change_text, compare, overlapping, side
+from aug3d_core.metrics.comparison import PSNR, Comparison, Gain, Row, Side, change_text, compare, psnr_words, side
 from aug3d_core.metrics.flat import flat_metrics, flat_values, headline
 
 
@@ -120,7 +122,7 @@ def test_a_run_without_a_test_has_no_score_to_compare() -> None:
     found = compare([town(), side("begun", failed, {})])
     assert found.not_comparable == "begun: no tested model"
     assert found.lacks == ((), ("evaluation", "nvs")) or found.lacks == ((), ("nvs", "evaluation"))
-    assert found.psnr_intervals == ((19, 21), None) and not overlapping(found, 1)
+    assert found.psnr_intervals == ((19, 21), None) and not psnr_words(found, 1)
 
 
 def test_nothing_is_better_or_worse_in_another_scene() -> None:
@@ -130,7 +132,43 @@ def test_nothing_is_better_or_worse_in_another_scene() -> None:
 
 @pytest.mark.parametrize(("psnr", "chance"), [(21.5, True), (22.5, False), (17.0, False)])
 def test_intervals_that_overlap_may_be_chance(psnr: float, chance: bool) -> None:
-    assert overlapping(compare([town(), town(psnr=psnr)]), 1) == chance
+    assert ("may be chance" in psnr_words(compare([town(), town(psnr=psnr)]), 1)) == chance
+
+
+def scored(gained_db: Sequence[float], **changed: Any) -> Side:
+    """Return a run whose ten photographs differ by 2 dB from each other, and by `gained_db` from those of other runs."""
+    return replace(town(**changed), psnr={str(i): 20.0 + 2 * i + gain for i, gain in enumerate(gained_db)})
+
+
+def test_photographs_tell_what_intervals_of_means_do_not() -> None:
+    before = scored(np.zeros(10))
+    found = compare([before, scored(np.linspace(0.4, 0.6, 10), psnr=20.5)])
+    gain = found.gains[1]
+    assert found.gains[0] is None and gain is not None and gain.sure
+    assert gain.mean_db == pytest.approx(0.5) and gain.photos == 10
+    assert "chance" not in psnr_words(found, 1) and "+0.50 dB [+0.4" in psnr_words(found, 1)
+    assert rows(found)[PSNR].better == (None, True)
+
+
+@pytest.mark.parametrize("gained_db", [np.linspace(-1.0, 2.0, 10), [0.5]])
+def test_a_gain_that_may_be_chance_is_no_verdict(gained_db: Sequence[float]) -> None:
+    found = compare([scored(np.zeros(len(gained_db))), scored(gained_db, psnr=20.5)])
+    assert psnr_words(found, 1).endswith("which may be chance") and rows(found)[PSNR].better == (None, None)
+
+
+def test_the_order_of_photographs_does_not_matter_and_equal_ones_need_no_word() -> None:
+    before = scored(np.zeros(10))
+    turned = replace(before, psnr=dict(reversed(before.psnr.items())))
+    assert compare([before, turned]).gains[1] == Gain(10, 0.0, (0.0, 0.0)) and not psnr_words(
+        compare([before, turned]), 1
+    )
+
+
+def test_photographs_of_another_test_are_not_paired() -> None:
+    before, other = scored(np.zeros(10)), scored(np.ones(10), nvs=metrics()["nvs"] | {"test_photos": "q"})
+    assert compare([before, other]).gains == (None, None)
+    assert compare([before, scored(np.ones(9))]).gains == (None, None)
+    assert compare([before, town()]).gains == (None, None)
 
 
 @pytest.mark.parametrize(

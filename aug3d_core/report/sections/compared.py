@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from aug3d_core.metrics.comparison import Comparison, Row, change_text, overlapping
+from aug3d_core.metrics.comparison import Comparison, Row, change_text, psnr_words
 from aug3d_core.report.html import number, table, tag
 
 _NOW = 1  # in a comparison of the published version with this one
@@ -28,8 +28,9 @@ def _said(compared: Comparison) -> str:
     published = f"The published version is {tag('b', escape(compared.runs[0]))}."
     if compared.not_comparable:
         return f"{published} The scores cannot be compared: {escape(compared.not_comparable)}."
-    chance = " The intervals of PSNR overlap: the difference may be chance." if overlapping(compared, _NOW) else ""
-    return f"{published} Both were tested on the same photographs with the same rules.{chance}"
+    words = psnr_words(compared, _NOW)
+    told = f" This version against the published one: {escape(words)}." if words else ""
+    return f"{published} Both were tested on the same photographs with the same rules.{told}"
 
 
 def _rows(title: str, rows: Sequence[Row]) -> str:
