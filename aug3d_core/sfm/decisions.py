@@ -48,7 +48,8 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
         field="sfm.camera_model",
         value=metrics["camera_model"],
         measured=_held_out(metrics),
-        rule="the simplest whose error on held-out observations is near the best",
+        rule="the simplest whose error on held-out observations is near the best"
+        + (", RADIAL where GPS takes a bend out" if metrics.get("doming_taken_out_pct") else ""),
     )
     if metrics.get("focal_source"):
         ratio, moved = metrics["focal_exif_over_refined_error"], 100 * (metrics["focal_moved_share"] or 0.0)
@@ -73,6 +74,14 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
             value=up,
             measured=_UP[up],
             rule="control points, else GPS where it is well spread, else gravity",
+        )
+    if (bend_pct := metrics.get("doming_taken_out_pct")) is not None:
+        yield Decision(
+            field="sfm.gps",
+            value="poses and lens adjusted to GPS",
+            measured=f"by GPS, poses from photographs alone are bent by {bend_pct:+.3g} ± "
+            f"{metrics['doming_taken_out_sigma_pct']:.2g} % of the flight's extent",
+            rule="adjusted where the bend is three times its error, drift of altitudes allowed for",
         )
     if (adjusted_m := metrics.get("control_left_out_m_adjusted")) is not None:
         yield Decision(

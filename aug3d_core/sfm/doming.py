@@ -2,6 +2,9 @@
 
 Against the altitudes of GPS; or, where all cameras look the same way, by how they lean: bent like a bowl, each leans outward in
 proportion to its distance from the middle.
+
+Altitudes are a barometer's: one that rises and falls by 4 m over a flight of 300 m looks like a bend of 0.4 %. So what varies
+slowly along the flight is told apart, and errors of neighbours that are alike count for fewer.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from aug3d_core.geometry.transforms import centres
 MOST_PCT = 1.0
 
 _FEWEST = 8
+_DRIFT_TERMS, _DRIFT_FROM = 3, 20  # a cubic along the flight, where so many altitudes tell it from a bend
+_UNLIKE = 0.05  # correlation at which errors no longer count as alike
 _ROUNDS = 30
 _PARALLEL_DEG, _ALIKE_DEG = 10.0, 3.0  # off their common direction, and off it and the bend, in the median
 
@@ -51,21 +56,44 @@ class Doming:
         )
 
 
-def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
-    """Fit the cameras' heights minus GPS altitudes by a + b x + c y + d r^2, robustly.
+@dataclass(frozen=True)
+class AltitudeFit:
+    """How heights of cameras leave GPS altitudes.
 
-    at: camera centres in the world, in metres; rows of `gps_enu_m` without an altitude are NaN. None if there are too few
-    positions, or if altitudes are too noisy to tell a bend of `MOST_PCT`. Bowls are positive, domes negative.
+    drift_m: how far the altitudes have sunk along the flight, 0 where that was not looked for. noise_m: standard deviation of
+    what is left; larger where neighbours err alike, so that each altitude can be taken for independent.
+    """
+
+    doming: Doming
+    drift_m: Float[np.ndarray, " n"]
+    noise_m: float
+
+
+def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
+    """Return the bend by GPS altitudes, as `fit_altitudes` does; None where they are too noisy to tell one of `MOST_PCT`."""
+    fit = fit_altitudes(at, gps_enu_m)
+    return fit.doming if fit and fit.doming.sigma_pct <= MOST_PCT else None
+
+
+def fit_altitudes(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"]) -> AltitudeFit | None:
+    """Fit the cameras' heights minus GPS altitudes by a + b x + c y + d r^2 and a drift along the flight, robustly.
+
+    at: camera centres in the world, in metres, in the order of capture; rows of `gps_enu_m` without an altitude are NaN. None
+    if too few positions tell the bend from the rest, as on a single line. Bowls are positive, domes negative.
     """
     known = np.isfinite(gps_enu_m).all(axis=1)
     if known.sum() < _FEWEST:
         return None
-    xy = at[known, :2] - at[known, :2].mean(axis=0)
-    extent = float(np.linalg.norm(np.ptp(xy, axis=0)))
+    middle = at[known, :2].mean(axis=0)
+    extent = float(np.linalg.norm(np.ptp(at[known, :2], axis=0)))
     if extent == 0:
         return None
-    xy, off = xy / (extent / 2), at[known, 2] - gps_enu_m[known, 2]
-    basis = np.column_stack([np.ones(len(xy)), xy, (xy**2).sum(axis=1)])
+    xy = (at[:, :2] - middle) / (extent / 2)
+    along = np.linspace(-1, 1, len(at))
+    terms = _DRIFT_TERMS if known.sum() >= _DRIFT_FROM else 0
+    drift = np.stack([along**power for power in range(1, terms + 1)], axis=1) if terms else np.zeros((len(at), 0))
+    whole = np.column_stack([(xy**2).sum(axis=1), np.ones(len(at)), xy, drift])
+    basis, off = whole[known], at[known, 2] - gps_enu_m[known, 2]
     fit = np.linalg.lstsq(basis, off, rcond=None)[0]
     for _ in range(_ROUNDS):  # towards least absolute deviations, which wild altitudes hardly move
         weight = 1 / np.maximum(np.abs(off - basis @ fit), 1e-6 * extent)
@@ -77,11 +105,30 @@ def measure_doming(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n
     if free < 1:
         return None
     fit = np.linalg.lstsq(basis[used], off[used], rcond=None)[0]
-    noise = float(np.sqrt(((off - basis @ fit)[used] ** 2).sum() / free))
-    covariance = np.linalg.pinv(basis[used].T @ basis[used])
+    rest = (off - basis @ fit)[used]
+    noise = float(np.sqrt((rest**2).sum() / free * alike(rest)))
+    bowl, others = basis[used, 0], basis[used, 1:]
+    apart = float(np.linalg.norm(bowl - others @ np.linalg.lstsq(others, bowl, rcond=None)[0]))
+    if apart < 1e-6:
+        return None
     few = float(student.ppf(norm.cdf(3), free)) / 3  # three errors of an estimate from few cameras happen more often
-    doming = Doming(100 * float(fit[3]) / extent, 100 * few * noise * float(np.sqrt(covariance[3, 3])) / extent)
-    return doming if doming.sigma_pct <= MOST_PCT else None
+    doming = Doming(100 * float(fit[0]) / extent, 100 * few * noise / apart / extent)
+    return AltitudeFit(doming, drift @ fit[-terms:] if terms else np.zeros(len(at)), noise)
+
+
+def alike(errors: Float[np.ndarray, " n"]) -> float:
+    """Return how many successive errors count for one, as they are alike: 1 + 2 sum of correlations (Sokal 1997, section 3).
+
+    The sum ends where neighbours are no longer alike, for beyond it is noise.
+    """
+    errors, count = errors - errors.mean(), 1.0
+    power = float((errors**2).sum())
+    for lag in range(1, len(errors) // 3):
+        correlation = float((errors[lag:] * errors[:-lag]).sum()) / power if power else 0.0
+        if correlation <= _UNLIKE:
+            break
+        count += 2 * correlation
+    return count
 
 
 def doming_by_lean(cam_from_world: Float[np.ndarray, "n 3 4"]) -> Doming | None:

@@ -57,7 +57,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         model, fit, refused = agreeing(given, check, photos)
     progress(len(given), len(given), "poses checked; writing photographs undistorted")
     located, arrays = align_model(
-        model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed), adjusting=False
+        model, photos, read_control_marks(inputs["photos"]), np.random.default_rng(config.seed), None
     )
     falloffs = measure_falloffs(model, images, {})
     write_outputs(model, arrays, [], located, photos, images, out, falloffs)

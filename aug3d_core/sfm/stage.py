@@ -74,7 +74,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     if held:
         chosen, located, arrays = replace(chosen, model=held.model), held.located, held.arrays
     else:
-        located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed))
+        located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed), chosen)
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
     falloffs = measure_falloffs(chosen.model, images, earlier.falloffs if earlier else {})
     write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, falloffs, known)

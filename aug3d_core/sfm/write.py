@@ -20,6 +20,7 @@ from aug3d_core.photos.files import PHOTO_MASKS
 from aug3d_core.run.stage import Metric
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align, align_to_control
+from aug3d_core.sfm.camera_model import EXIF, Chosen
 from aug3d_core.sfm.control import Survey, marked_points, survey
 from aug3d_core.sfm.control_adjustment import Adjusted, adjust_to_control
 from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
@@ -38,17 +39,22 @@ from aug3d_core.sfm.files import (
     VIEWS,
     WORLD,
 )
+from aug3d_core.sfm.gps_adjustment import adjust_to_gps
 from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
 
 
 @dataclass(frozen=True)
 class Located:
-    """The world of a model. origin: latitude, longitude and height that `alignment` is about, NaN without any."""
+    """The world of a model. origin: latitude, longitude and height that `alignment` is about, NaN without any.
+
+    taken_out: the bend that poses had until they were adjusted to GPS, None if they were not.
+    """
 
     alignment: Alignment
     origin: Float[np.ndarray, " 3"]
     control: Adjusted | None = None
+    taken_out: Doming | None = None
 
     @property
     def survey(self) -> Survey | None:
@@ -66,24 +72,31 @@ def align_model(
     photos: pd.DataFrame,
     marks: pd.DataFrame | None,
     rng: np.random.Generator,
-    adjusting: bool = True,
+    chosen: Chosen | None,
 ) -> tuple[Located, export.Arrays]:
     """Move the model into the world; return how, and what it then holds.
 
-    marks: of ground control points. adjusting: poses may be adjusted to these; else they move as a whole.
+    marks: of ground control points. chosen: how the model was adjusted, so that it may be to these, or to GPS, as well; None:
+    its poses move as a whole.
     """
     placed = [export.photo_id(image) for image in export.registered(model)]
     told = None if marks is None else survey(marked_points(model, marks))
     if marks is not None and told and told.world_from_model:
         _move(model, told.world_from_model)
-        control = adjust_to_control(model, marks, told) if adjusting else Adjusted(told, False)
+        control = adjust_to_control(model, marks, told) if chosen else Adjusted(told, False)
         arrays = export.to_arrays(model)
         gps_enu_m = gps_about(told.origin, photos)[placed]
         alignment = align_to_control(arrays.views.cam_from_world, arrays.points.xyz, gps_enu_m)
         located = Located(alignment, told.origin, control)
     else:
-        arrays = export.to_arrays(model)
-        located = Located(by_gps(arrays, photos, rng), gps_positions(photos)[1], told and Adjusted(told, False))
+        arrays, taken_out = export.to_arrays(model), None
+        alignment, (gps_enu_m, origin) = by_gps(arrays, photos, rng), gps_positions(photos)
+        if chosen and alignment.metric:
+            taken_out = adjust_to_gps(model, gps_enu_m[placed], alignment.world_from_model, chosen.focal_from != EXIF)
+        if taken_out:
+            arrays = export.to_arrays(model)
+            alignment = by_gps(arrays, photos, rng)
+        located = Located(alignment, origin, told and Adjusted(told, False), taken_out)
     _move(model, located.alignment.world_from_model)
     return located, arrays.moved(located.alignment.world_from_model)
 
@@ -203,6 +216,8 @@ def model_metrics(
         "up_from": alignment.up_from,
         "doming_pct": doming and doming.pct,
         "doming_sigma_pct": doming and doming.sigma_pct,
+        "doming_taken_out_pct": located.taken_out and located.taken_out.pct,
+        "doming_taken_out_sigma_pct": located.taken_out and located.taken_out.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),
         "corner_light": falloff and falloff.corner_light,

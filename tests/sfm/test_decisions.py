@@ -28,6 +28,13 @@ def test_given_poses_leave_lens_and_vertical() -> None:
     assert [one.field for one in sfm_decisions(_PLACED)] == ["sfm.camera_model", "sfm.up"]
 
 
+def test_a_bend_that_gps_took_out_is_told_with_the_lens_that_it_freed() -> None:
+    taken = {"doming_taken_out_pct": -1.194, "doming_taken_out_sigma_pct": 0.0871}
+    found = {one.field: one for one in sfm_decisions(_PLACED | taken)}
+    assert "-1.19 ± 0.087 %" in found["sfm.gps"].measured and "GPS" in found["sfm.camera_model"].rule
+    assert "sfm.gps" not in {one.field for one in sfm_decisions(_PLACED | dict.fromkeys(taken))}
+
+
 def test_control_points_are_said_to_bend_or_to_move() -> None:
     left_out = {"control_left_out_m_adjusted": 0.05, "control_left_out_m_moved": 0.41}
     for adjusted, words in ((True, "poses adjusted to control points"), (False, "the world moved as a whole")):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.geometry.transforms import look_at
-from aug3d_core.sfm.doming import MOST_PCT, doming_by_lean, measure_doming
+from aug3d_core.sfm.doming import MOST_PCT, alike, doming_by_lean, fit_altitudes, measure_doming
 
 EXTENT_M = float(np.hypot(140, 100))
 
@@ -67,6 +67,44 @@ def test_a_dome_beyond_the_bound_is_flagged() -> None:
     assert flagged.flagged
     assert flagged.pct < -MOST_PCT
     assert any("bent like a dome" in note and f"{-flagged.pct:.1f} %" in note for note in flagged.notes)
+
+
+@pytest.mark.parametrize("terms", [(4.0, 0.0, 0.0), (0.0, 4.0, 0.0), (3.0, -4.0, 2.0)])
+def test_altitudes_that_drift_along_the_flight_are_told_from_a_bend(terms: tuple[float, ...]) -> None:
+    at, gps = flight(noise_m=0.1)
+    along = np.linspace(-1, 1, len(at))
+    drift_m = sum(term * along**power for power, term in enumerate(terms, 1))
+    fit = fit_altitudes(bent(at, 0.5), gps + np.outer(drift_m, [0, 0, 1]))
+    assert fit is not None and fit.doming.pct == pytest.approx(100 * 0.5 / EXTENT_M, abs=0.1)
+    level = np.column_stack([np.ones(len(at)), at[:, :2]])  # a lean of the world is no matter
+    off_m = fit.drift_m + drift_m
+    assert np.abs(off_m - level @ np.linalg.lstsq(level, off_m, rcond=None)[0]).max() < 0.3 and fit.noise_m < 0.2
+
+
+def test_errors_that_neighbours_share_are_seldom_taken_for_a_bend() -> None:
+    sure = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        east, north = np.meshgrid(np.linspace(-70, 70, 14), np.linspace(-50, 50, 10))
+        at = np.column_stack([east.ravel(), north.ravel(), np.full(east.size, 60.0)])
+        wander_m = rng.normal(size=len(at))
+        for here in range(1, len(at)):
+            wander_m[here] = 0.9 * wander_m[here - 1] + 0.44 * wander_m[here]
+        fit = fit_altitudes(at, at + np.outer(wander_m, [0, 0, 1]))
+        sure += fit is not None and abs(fit.doming.pct) > 3 * fit.doming.sigma_pct
+    assert sure <= 0.01 * 200
+
+
+def test_a_single_line_does_not_tell_drift_from_a_bend() -> None:
+    at = np.column_stack([np.linspace(-70, 70, 40), np.zeros(40), np.full(40, 60.0)])
+    assert fit_altitudes(at, at + np.random.default_rng(0).normal(size=at.shape)) is None
+
+
+def test_how_many_errors_count_for_one() -> None:
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=4000)
+    assert alike(white) == pytest.approx(1.0, abs=0.2) and alike(np.repeat(white, 5)) == pytest.approx(5.0, rel=0.2)
+    assert alike(np.zeros(10)) == 1.0
 
 
 def test_altitudes_of_noise_tell_nothing() -> None:
