@@ -176,6 +176,17 @@ def without_wrong_points(model: pycolmap.Reconstruction) -> pycolmap.Reconstruct
     return model
 
 
+def take_over(model: pycolmap.Reconstruction, adjusted: pycolmap.Reconstruction) -> None:
+    """Move a model's cameras, poses and points, in place, to where another that holds them all has them."""
+    for camera_id in model.cameras:
+        camera, other = model.camera(camera_id), adjusted.camera(camera_id)
+        camera.model, camera.params = other.model, other.params
+    for frame_id in model.reg_frame_ids():
+        model.frame(frame_id).rig_from_world = adjusted.frame(frame_id).rig_from_world
+    for point_id in model.point3D_ids():
+        model.point3D(point_id).xyz = adjusted.point3D(point_id).xyz
+
+
 def _moved_share(model: pycolmap.Reconstruction, focal_px: dict[int, float]) -> float:
     moved = [abs(model.camera(camera_id).mean_focal_length() / known - 1) for camera_id, known in focal_px.items()]
     return max(moved, default=0.0)

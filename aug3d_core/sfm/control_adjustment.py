@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pycolmap
 
-from aug3d_core.sfm.camera_model import adjustment_options, thinned, without_wrong_points
+from aug3d_core.sfm.camera_model import adjustment_options, take_over, thinned, without_wrong_points
 from aug3d_core.sfm.control import AXES, WRONG_PX, Survey, located, marked_points, surveyed_m
 
 FEWEST = 4  # so that three are left where one judges
@@ -103,12 +103,7 @@ def _bend(model: pycolmap.Reconstruction, marks: pd.DataFrame, given: list[str],
     for loss in (pycolmap.LossFunctionType.TRIVIAL, robust):
         options.ceres.loss_function_type = loss
         pycolmap.create_default_bundle_adjuster(options, config, with_control).solve()
-    for camera_id in model.cameras:
-        model.camera(camera_id).params = with_control.camera(camera_id).params
-    for frame_id in model.reg_frame_ids():
-        model.frame(frame_id).rig_from_world = with_control.frame(frame_id).rig_from_world
-    for point_id in model.point3D_ids():
-        model.point3D(point_id).xyz = with_control.point3D(point_id).xyz
+    take_over(model, with_control)
 
 
 def _add(model: pycolmap.Reconstruction, marks: pd.DataFrame, told: Survey) -> list[int]:

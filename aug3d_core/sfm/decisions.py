@@ -49,7 +49,7 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
         value=metrics["camera_model"],
         measured=_held_out(metrics),
         rule="the simplest whose error on held-out observations is near the best"
-        + (", RADIAL where GPS takes a bend out" if metrics.get("doming_taken_out_pct") else ""),
+        + (", RADIAL where a bend is taken out" if metrics.get("doming_taken_out_pct") else ""),
     )
     if metrics.get("focal_source"):
         ratio, moved = metrics["focal_exif_over_refined_error"], 100 * (metrics["focal_moved_share"] or 0.0)
@@ -77,11 +77,11 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
         )
     if (bend_pct := metrics.get("doming_taken_out_pct")) is not None:
         yield Decision(
-            field="sfm.gps",
-            value="poses and lens adjusted to GPS",
-            measured=f"by GPS, poses from photographs alone are bent by {bend_pct:+.3g} ± "
-            f"{metrics['doming_taken_out_sigma_pct']:.2g} % of the flight's extent",
-            rule="adjusted where the bend is three times its error, drift of altitudes allowed for",
+            field="sfm.bend",
+            value="taken out of poses and lens",
+            measured=f"poses from photographs alone are bent by {bend_pct:+.3g} ± {metrics['doming_taken_out_sigma_pct']:.2g} "
+            f"% of the flight's extent, as {metrics['doming_taken_out_by']} tell",
+            rule="taken out where it is three times its error, and photographs fit as well without",
         )
     if (adjusted_m := metrics.get("control_left_out_m_adjusted")) is not None:
         yield Decision(

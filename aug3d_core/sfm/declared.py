@@ -48,8 +48,8 @@ SFM = Stage(
         ),
         neither=(
             "photos points observations camera_height_m_median up_from doming_pct doming_sigma_pct "
-            "doming_taken_out_pct doming_taken_out_sigma_pct camera_model focal_px mapper mapper_reason focal_source "
-            "focal_moved_share heldout_px_* components "
+            "doming_taken_out_pct doming_taken_out_sigma_pct doming_taken_out_by camera_model focal_px "
+            "mapper mapper_reason focal_source focal_moved_share heldout_px_* components "
             "grown_from poses_kept poses_reason weakest_joint_points weakest_joint_share camera_height_units_median "
             "control_points check_points control_adjusted corner_light corner_light_sigma light_evened "
             "rolling_shutter rolling_shutter_px rolling_shutter_low_px rolling_shutter_high_px readout_ms"

@@ -1,7 +1,4 @@
-"""Measure doming: the bend of a flight that distortion and depth trade for each other.
-
-Against the altitudes of GPS; or, where all cameras look the same way, by how they lean: bent like a bowl, each leans outward in
-proportion to its distance from the middle.
+"""Measure doming: the bend of a flight that distortion and depth trade for each other, against the altitudes of GPS.
 
 Altitudes are a barometer's: one that rises and falls by 4 m over a flight of 300 m looks like a bend of 0.4 %. So what varies
 slowly along the flight is told apart, and errors of neighbours that are alike count for fewer.
@@ -16,17 +13,15 @@ from jaxtyping import Float
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from aug3d_core.geometry.transforms import centres
-
 # A bowl of 1 % of the extent leans at its rim by 4 %, 2.3 degrees: more than the 1.5 degrees of doubt about the vertical
 # at which `align` stops believing GPS altitudes. The town, unbent, has some hundredths of a percent.
 MOST_PCT = 1.0
 
-_FEWEST = 8
+FEWEST = 8
 _DRIFT_TERMS, _DRIFT_FROM = 3, 20  # a cubic along the flight, where so many altitudes tell it from a bend
 _UNLIKE = 0.05  # correlation at which errors no longer count as alike
 _ROUNDS = 30
-_PARALLEL_DEG, _ALIKE_DEG = 10.0, 3.0  # off their common direction, and off it and the bend, in the median
+_SURE = 3.0  # times its error
 
 
 @dataclass(frozen=True)
@@ -38,12 +33,21 @@ class Doming:
 
     pct: float
     sigma_pct: float
-    told_by: str = "camera heights leave GPS altitudes"
+    told_by: str = "GPS altitudes"
+
+    @property
+    def sure(self) -> bool:
+        """Whether noise does not explain it."""
+        return abs(self.pct) > _SURE * self.sigma_pct
 
     @property
     def flagged(self) -> bool:
-        """Whether the bend is too large to ignore, and larger than the noise of the altitudes explains."""
-        return abs(self.pct) > MOST_PCT and abs(self.pct) > 3 * self.sigma_pct
+        """Whether the bend is too large to ignore, and sure."""
+        return abs(self.pct) > MOST_PCT and self.sure
+
+    def contradicts(self, other: Doming) -> bool:
+        """Whether the two cannot both be right."""
+        return abs(self.pct - other.pct) > _SURE * float(np.hypot(self.sigma_pct, other.sigma_pct))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -51,8 +55,8 @@ class Doming:
         if not self.flagged:
             return ()
         return (
-            f"the reconstruction is bent like a {'bowl' if self.pct > 0 else 'dome'}: {self.told_by} by {abs(self.pct):.1f} % "
-            "of the flight's extent; photographs at an angle, or a second height, would hold it",
+            f"the reconstruction is bent like a {'bowl' if self.pct > 0 else 'dome'} by {abs(self.pct):.1f} % of the flight's "
+            f"extent, as {self.told_by} tell; photographs at an angle, or a second height, would hold it",
         )
 
 
@@ -82,7 +86,7 @@ def fit_altitudes(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 
     if too few positions tell the bend from the rest, as on a single line. Bowls are positive, domes negative.
     """
     known = np.isfinite(gps_enu_m).all(axis=1)
-    if known.sum() < _FEWEST:
+    if known.sum() < FEWEST:
         return None
     middle = at[known, :2].mean(axis=0)
     extent = float(np.linalg.norm(np.ptp(at[known, :2], axis=0)))
@@ -91,29 +95,50 @@ def fit_altitudes(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 
     xy = (at[:, :2] - middle) / (extent / 2)
     along = np.linspace(-1, 1, len(at))
     terms = _DRIFT_TERMS if known.sum() >= _DRIFT_FROM else 0
-    drift = np.stack([along**power for power in range(1, terms + 1)], axis=1) if terms else np.zeros((len(at), 0))
+    drift = np.power.outer(along, np.arange(1, terms + 1))
     whole = np.column_stack([(xy**2).sum(axis=1), np.ones(len(at)), xy, drift])
-    basis, off = whole[known], at[known, 2] - gps_enu_m[known, 2]
-    fit = np.linalg.lstsq(basis, off, rcond=None)[0]
-    for _ in range(_ROUNDS):  # towards least absolute deviations, which wild altitudes hardly move
-        weight = 1 / np.maximum(np.abs(off - basis @ fit), 1e-6 * extent)
-        fit = np.linalg.lstsq(basis * weight[:, None] ** 0.5, off * weight**0.5, rcond=None)[0]
-    # The fit goes through as many cameras as it has terms; what these leave says nothing of the noise (Holland, Welsch 1977)
-    left = np.sort(np.abs(off - basis @ fit))[basis.shape[1] :]
-    used = np.abs(off - basis @ fit) <= 4 * max(1.4826 * float(np.median(left)), 1e-9 * extent)
+    found = seek(whole[known], at[known, 2] - gps_enu_m[known, 2], 1e-9 * extent)
+    if found is None:
+        return None
+    doming = Doming(100 * found.terms[0] / extent, 100 * found.sigma / extent)
+    return AltitudeFit(doming, drift @ found.terms[4:], found.noise)
+
+
+@dataclass(frozen=True)
+class Sought:
+    """A robust fit: the term of each column, the standard error of the first, and the noise as if values were independent."""
+
+    terms: Float[np.ndarray, " m"]
+    sigma: float
+    noise: float
+
+
+def seek(basis: Float[np.ndarray, "n m"], values: Float[np.ndarray, " n"], least: float) -> Sought | None:
+    """Fit values by the columns, so that wild ones hardly count; None where the first column is not told from the others.
+
+    values: in the order of capture. least: noise that is none.
+    """
+    fit = np.linalg.lstsq(basis, values, rcond=None)[0]
+    for _ in range(_ROUNDS):  # towards least absolute deviations, which wild values hardly move
+        weight = 1 / np.maximum(np.abs(values - basis @ fit), 1e3 * least)
+        fit = np.linalg.lstsq(basis * weight[:, None] ** 0.5, values * weight**0.5, rcond=None)[0]
+    # The fit goes through as many values as it has terms; what these leave says nothing of the noise (Holland, Welsch 1977)
+    left = np.sort(np.abs(values - basis @ fit))[basis.shape[1] :]
+    if not len(left):
+        return None
+    used = np.abs(values - basis @ fit) <= 4 * max(1.4826 * float(np.median(left)), least)
     free = int(used.sum()) - basis.shape[1]
     if free < 1:
         return None
-    fit = np.linalg.lstsq(basis[used], off[used], rcond=None)[0]
-    rest = (off - basis @ fit)[used]
+    fit = np.linalg.lstsq(basis[used], values[used], rcond=None)[0]
+    rest = (values - basis @ fit)[used]
     noise = float(np.sqrt((rest**2).sum() / free * alike(rest)))
-    bowl, others = basis[used, 0], basis[used, 1:]
-    apart = float(np.linalg.norm(bowl - others @ np.linalg.lstsq(others, bowl, rcond=None)[0]))
-    if apart < 1e-6:
+    sought, others = basis[used, 0], basis[used, 1:]
+    apart = float(np.linalg.norm(sought - others @ np.linalg.lstsq(others, sought, rcond=None)[0]))
+    if apart <= 1e-6 * float(np.linalg.norm(sought)):
         return None
-    few = float(student.ppf(norm.cdf(3), free)) / 3  # three errors of an estimate from few cameras happen more often
-    doming = Doming(100 * float(fit[0]) / extent, 100 * few * noise / apart / extent)
-    return AltitudeFit(doming, drift @ fit[-terms:] if terms else np.zeros(len(at)), noise)
+    few = float(student.ppf(norm.cdf(3), free)) / 3  # three errors of an estimate from few happen more often
+    return Sought(fit, few * noise / apart, noise)
 
 
 def alike(errors: Float[np.ndarray, " n"]) -> float:
@@ -129,31 +154,3 @@ def alike(errors: Float[np.ndarray, " n"]) -> float:
             break
         count += 2 * correlation
     return count
-
-
-def doming_by_lean(cam_from_world: Float[np.ndarray, "n 3 4"]) -> Doming | None:
-    """Fit the cameras' directions by one common direction and a lean away from the middle; scale and level do not matter.
-
-    None if there are too few, if they are in one place, or if they do not look the same way but for such a lean.
-    """
-    at, axes = centres(cam_from_world), cam_from_world[:, 2, :3]
-    common = axes.mean(axis=0)
-    if len(at) < _FEWEST or not common.any():
-        return None
-    across = np.linalg.svd(common[None])[2][1:].T  # two directions at right angles to the common one
-    place, lean = (at - at.mean(axis=0)) @ across, (axes - common) @ across
-    extent = float(np.linalg.norm(np.ptp(place, axis=0)))
-    spread = (place**2).sum()
-    if extent == 0 or _median_deg(lean) > _PARALLEL_DEG:
-        return None
-    rise = float((place * lean).sum() / spread)
-    rest = lean - rise * place
-    if _median_deg(rest) > _ALIKE_DEG:
-        return None
-    sigma = float(np.sqrt((rest**2).sum() / (rest.size - 3) / spread))
-    to_pct = 100 * extent / 8  # of a parabola that leans by `rise` times the distance, over half the extent
-    return Doming(to_pct * rise, to_pct * sigma, "cameras that look the same way lean as on heights that differ")
-
-
-def _median_deg(leans: Float[np.ndarray, "n 2"]) -> float:
-    return float(np.degrees(np.median(np.linalg.norm(leans, axis=1))))

@@ -23,7 +23,7 @@ from aug3d_core.sfm.align import Alignment, align, align_to_control
 from aug3d_core.sfm.camera_model import EXIF, Chosen
 from aug3d_core.sfm.control import Survey, marked_points, survey
 from aug3d_core.sfm.control_adjustment import Adjusted, adjust_to_control
-from aug3d_core.sfm.doming import Doming, doming_by_lean, measure_doming
+from aug3d_core.sfm.doming import Doming, measure_doming
 from aug3d_core.sfm.falloff import Falloff, write_falloffs
 from aug3d_core.sfm.files import (
     COLMAP_MODEL,
@@ -39,16 +39,17 @@ from aug3d_core.sfm.files import (
     VIEWS,
     WORLD,
 )
-from aug3d_core.sfm.gps_adjustment import adjust_to_gps
+from aug3d_core.sfm.gimbal import doming_by_gimbal
 from aug3d_core.sfm.pairs import gps_positions
 from aug3d_core.sfm.picture import draw_map
+from aug3d_core.sfm.straighten import straighten
 
 
 @dataclass(frozen=True)
 class Located:
     """The world of a model. origin: latitude, longitude and height that `alignment` is about, NaN without any.
 
-    taken_out: the bend that poses had until they were adjusted to GPS, None if they were not.
+    taken_out: the bend that poses had until they were straightened, None if they were not.
     """
 
     alignment: Alignment
@@ -76,8 +77,8 @@ def align_model(
 ) -> tuple[Located, export.Arrays]:
     """Move the model into the world; return how, and what it then holds.
 
-    marks: of ground control points. chosen: how the model was adjusted, so that it may be to these, or to GPS, as well; None:
-    its poses move as a whole.
+    marks: of ground control points. chosen: how the model was adjusted, so that it may be to these, or straightened; None: its
+    poses move as a whole.
     """
     placed = [export.photo_id(image) for image in export.registered(model)]
     told = None if marks is None else survey(marked_points(model, marks))
@@ -90,9 +91,10 @@ def align_model(
         located = Located(alignment, told.origin, control)
     else:
         arrays, taken_out = export.to_arrays(model), None
-        alignment, (gps_enu_m, origin) = by_gps(arrays, photos, rng), gps_positions(photos)
-        if chosen and alignment.metric:
-            taken_out = adjust_to_gps(model, gps_enu_m[placed], alignment.world_from_model, chosen.focal_from != EXIF)
+        alignment, origin = by_gps(arrays, photos, rng), gps_positions(photos)[1]
+        if chosen:
+            gps_enu_m = _believed(alignment, photos)[placed]
+            taken_out = straighten(model, gps_enu_m, alignment.world_from_model, chosen.focal_from != EXIF)
         if taken_out:
             arrays = export.to_arrays(model)
             alignment = by_gps(arrays, photos, rng)
@@ -181,12 +183,17 @@ def _median(values: Float[np.ndarray, " n"]) -> float | None:
     return float(np.nanmedian(values)) if np.isfinite(values).any() else None
 
 
+def _believed(alignment: Alignment, photos: pd.DataFrame) -> Float[np.ndarray, "n 3"]:
+    """Return the positions of all photographs by GPS, NaN where there is none, or none that fits."""
+    gps_enu_m = gps_positions(photos)[0]
+    return gps_enu_m if alignment.metric else np.full_like(gps_enu_m, np.nan)
+
+
 def flight_doming(arrays: export.Arrays, located: Located, photos: pd.DataFrame) -> Doming | None:
     """Return the bend of the reconstructed flight by what tells it best, None where nothing does."""
     poses = arrays.views.cam_from_world
-    found = [doming_by_lean(poses)]
-    if located.alignment.metric:
-        found.append(measure_doming(centres(poses), gps_positions(photos)[0][arrays.views.photo_id]))
+    gps_enu_m = _believed(located.alignment, photos)[arrays.views.photo_id]
+    found = [doming_by_gimbal(poses), measure_doming(centres(poses), gps_enu_m)]
     return min((one for one in found if one), key=lambda one: one.sigma_pct, default=None)
 
 
@@ -217,6 +224,7 @@ def model_metrics(
         "doming_pct": doming and doming.pct,
         "doming_sigma_pct": doming and doming.sigma_pct,
         "doming_taken_out_pct": located.taken_out and located.taken_out.pct,
+        "doming_taken_out_by": located.taken_out and located.taken_out.told_by,
         "doming_taken_out_sigma_pct": located.taken_out and located.taken_out.sigma_pct,
         "camera_model": camera.model_name,
         "focal_px": camera.mean_focal_length(),

@@ -28,11 +28,16 @@ def test_given_poses_leave_lens_and_vertical() -> None:
     assert [one.field for one in sfm_decisions(_PLACED)] == ["sfm.camera_model", "sfm.up"]
 
 
-def test_a_bend_that_gps_took_out_is_told_with_the_lens_that_it_freed() -> None:
-    taken = {"doming_taken_out_pct": -1.194, "doming_taken_out_sigma_pct": 0.0871}
+def test_a_bend_that_was_taken_out_is_told_with_the_lens_that_it_freed() -> None:
+    taken = {
+        "doming_taken_out_pct": -1.194,
+        "doming_taken_out_sigma_pct": 0.0871,
+        "doming_taken_out_by": "GPS altitudes",
+    }
     found = {one.field: one for one in sfm_decisions(_PLACED | taken)}
-    assert "-1.19 ± 0.087 %" in found["sfm.gps"].measured and "GPS" in found["sfm.camera_model"].rule
-    assert "sfm.gps" not in {one.field for one in sfm_decisions(_PLACED | dict.fromkeys(taken))}
+    assert "-1.19 ± 0.087 %" in found["sfm.bend"].measured and "as GPS altitudes tell" in found["sfm.bend"].measured
+    assert "RADIAL" in found["sfm.camera_model"].rule
+    assert "sfm.bend" not in {one.field for one in sfm_decisions(_PLACED | dict.fromkeys(taken))}
 
 
 def test_control_points_are_said_to_bend_or_to_move() -> None:
