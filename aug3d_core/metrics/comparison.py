@@ -34,7 +34,7 @@ _COSTS = ("s", "MiB", "1/s", "1/min")
 class Side:
     """A run as it is compared: its name, what it is, its settings (as text) and its figures, both by `stage.name`.
 
-    psnr: of each test photograph [dB], by digest of its file, in the order of the flight; empty where that is not known.
+    psnr: of each test photograph [dB], by what tells it from others, in the order of the flight; empty where not known.
     """
 
     name: str

@@ -39,7 +39,7 @@ def test_views(folders: Sequence[Path]) -> pd.DataFrame:
 
 
 def psnr_by_photo(store: Store, records: Mapping[str, Record]) -> dict[str, float]:
-    """Return the PSNR of each test photograph [dB] by digest of its file, in the order of the flight; {} where files are gone.
+    """Return the PSNR of each test photograph [dB], in the order of the flight, by fold and digest; {} where files are gone.
 
     records: of a version's steps.
     """
@@ -51,7 +51,8 @@ def psnr_by_photo(store: Store, records: Mapping[str, Record]) -> dict[str, floa
         views = test_views([store.files_dir(record, [TEST_VIEWS]) for record in tests])
     except StoreError:
         return {}
-    return dict(zip(photos.loc[views["photo_id"]], views["psnr"].astype(float), strict=True))
+    names = views["fold"].astype(str) + " " + photos.loc[views["photo_id"]].to_numpy()
+    return dict(zip(names, views["psnr"].astype(float), strict=True))
 
 
 def _digest(parts: Sequence[Any]) -> str:

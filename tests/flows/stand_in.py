@@ -55,8 +55,9 @@ class Stages(StandIn):
     def figures(self, stage: Stage, made: Made, files: Path) -> dict[str, Any]:
         fold = fold_of(made)
         if stage.name == "photos":
-            pd.DataFrame({"width_px": [640], "height_px": [480]}).to_parquet(files / PHOTO_TABLE)
-            return {"photos": 1}
+            table = {"photo_id": range(2), "sha256": ["a", "b"], "width_px": 640, "height_px": 480}
+            pd.DataFrame(table).to_parquet(files / PHOTO_TABLE)
+            return {"photos": 2}
         if stage.name == "grouping":
             write_split(files, [fold], ["target"])
             return {"folds": self.folds}
