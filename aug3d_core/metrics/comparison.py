@@ -128,8 +128,7 @@ def compare(sides: Sequence[Side], *, equal_too: bool = False) -> Comparison:
     steps = [dict.fromkeys(name.partition(".")[0] for name in one.metrics if "." in name) for one in sides]
     common = {step for step in steps[0] if all(step in others for others in steps)}
     figures = _rows([one.metrics for one in sides], one_scene, not why_not)
-    if PSNR in figures:
-        figures[PSNR] = _where_sure(figures[PSNR], gains)
+    figures |= {name: _where_sure(figures[name], gains) for name in (PSNR, OVER_CHEAP) if name in figures}
     cheap = [name for name in figures if name.startswith(_CHEAP)]
     headline = [name for name in (PSNR, SSIM, OVER_CHEAP, *cheap, *SUMS) if name in figures]
 
@@ -198,7 +197,7 @@ def _gain(first: Side, other: Side) -> Gain | None:
 
 
 def _where_sure(row: Row, gains: Sequence[Gain | None]) -> Row:
-    """Return PSNR's row without a verdict where photograph by photograph the difference may be chance."""
+    """Return the row of PSNR, or of its lead, without a verdict where photograph by photograph the difference may be chance."""
     better = (said if gain is None or gain.sure else None for said, gain in zip(row.better, gains, strict=True))
     return replace(row, better=tuple(better))
 
