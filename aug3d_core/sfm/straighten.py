@@ -26,9 +26,7 @@ from aug3d_core.sfm.gimbal import doming_by_gimbal
 _WORTH_PCT = 0.03  # a lesser bend is no more than what poses are off by anyhow, and gimbals are not made to tell it
 _ROBUST = 2.0  # deviations beyond which a position weighs less, by Cauchy's loss: some are wrong altogether
 _LEAST_M = 0.01  # to believe of any GPS
-_OF_BEND = (
-    0.1  # of the height of the bowl that is taken out of the poses' own heights: how exactly these are then meant
-)
+_OF_BOWL = 0.1  # of its height: how exactly the poses' own heights are meant, once it is taken out of them
 _AS_WELL = 1.02  # times the error in the photographs that it may cost
 _LEFT = 0.5  # of the bend, that must not be left
 
@@ -52,7 +50,7 @@ def straighten(
     poses = world.move_cameras(export.poses(model))
     at = centres(poses)
     fit = fit_altitudes(at, gps_enu_m)
-    told = [one for one in (fit and fit.doming, doming_by_gimbal(poses)) if one]
+    told = _told(fit, poses)
     if len(told) == 2 and told[0].contradicts(told[1]):
         return None
     worth = [one for one in told if one.sure and abs(one.pct) > _WORTH_PCT]
@@ -83,8 +81,13 @@ def _believable(
         return False
     poses = export.poses(straight)
     fit = fit_altitudes(centres(poses), gps_enu_m)
-    left = [one.pct for one in (fit and fit.doming, doming_by_gimbal(poses)) if one and one.told_by == bend.told_by]
-    return all(abs(pct) < _LEFT * abs(bend.pct) for pct in left)
+    left = [one for one in _told(fit, poses) if one.told_by == bend.told_by]
+    return all(abs(one.pct) < _LEFT * abs(bend.pct) for one in left)
+
+
+def _told(fit: AltitudeFit | None, poses: Float[np.ndarray, "n 3 4"]) -> list[Doming]:
+    """Return the bend by each that tells one."""
+    return [one for one in (fit and fit.doming, doming_by_gimbal(poses)) if one]
 
 
 def _by_gps(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"], fit: AltitudeFit) -> _Places:
@@ -104,7 +107,7 @@ def _unbent(at: Float[np.ndarray, "n 3"], bend: Doming) -> _Places:
     extent = float(np.linalg.norm(np.ptp(place, axis=0)))
     height = bend.pct / 100 * extent
     bowl = height * (place**2).sum(axis=1) / (extent / 2) ** 2
-    return _Places(at - np.outer(bowl, [0, 0, 1]), np.array([extent, extent, _OF_BEND * abs(height)]))
+    return _Places(at - np.outer(bowl, [0, 0, 1]), np.array([extent, extent, _OF_BOWL * abs(height)]))
 
 
 def _adjust(model: pycolmap.Reconstruction, places: _Places, refine_focal_length: bool) -> None:
