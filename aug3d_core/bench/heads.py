@@ -114,14 +114,9 @@ def _judged(head: Head, scene: Scene, config: EvaluationConfig) -> list[Judged]:
 
 
 def _untrained(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
-    """Return what the head makes of the town with random weights (one step of training): what its geometry alone is worth."""
-    one_step = (
-        "training.head.start=random",
-        "training.steps=1",
-        "training.warmup_steps=0",
-        "evaluation.flythrough_frames=0",
-    )
-    trial = _trial(store, scene, say, (*SWEEP, *one_step))
+    """Return what the head makes of the town with random weights: what its geometry alone is worth."""
+    as_it_begins = ("training.head.start=random", "training.steps=0", "evaluation.flythrough_frames=0")
+    trial = _trial(store, scene, say, (*SWEEP, *as_it_begins))
     return {
         "untrained_psnr": Figure(told(trial, "evaluation", "inputs_alone_psnr_mean"), "dB", None, None, trial.failure)
     }

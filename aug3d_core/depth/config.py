@@ -19,7 +19,7 @@ class DepthConfig(StageConfig):
     max_px: int = Field(
         default=512, ge=64, le=8192, description="Width (px) of the depth maps at most; never more than the photo's."
     )
-    # Against the exact depth of four towns (docs/measured.md): of the pixels within 0.5 % 3 px loses 2 to 11 points, and 1.5 px
+    # Against the exact depth of four towns (docs/trials.md): of the pixels within 0.5 % 3 px loses 2 to 11 points, and 1.5 px
     # gains less than one in 1.3 times the time.
     plane_step_px: float = Field(
         default=2.0,

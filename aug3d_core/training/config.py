@@ -30,7 +30,9 @@ class TrainingConfig(StageConfig):
     )
     groups_per_step: int = Field(default=2, ge=1, le=64, description="Groups in one training step [groups].")
     # How it is trained
-    steps: int = Field(default=1200, ge=1, le=10_000_000, description="Training steps [steps].")
+    steps: int = Field(
+        default=1200, ge=0, le=10_000_000, description="Training steps; 0: the first weights as they are [steps]."
+    )
     learning_rate: float = Field(default=3e-3, gt=0, le=0.1, description="Adam's peak learning rate [1].")
     final_rate_share: float = Field(
         default=0.05, gt=0, le=1, description="Last learning rate as a share of the peak [1]."

@@ -52,8 +52,10 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
     curve = curve_of(trained)
     curve.to_parquet(out / CURVE, index=False)
     shutil.rmtree(checkpoints, ignore_errors=True)
-    collapsed = worse_than_one_colour(trained.history)
-    metrics = _metrics(trained, config, len(scenes)) | {"train_psnr": round(float(curve["train_psnr"].iloc[-1]), 3)}
+    collapsed = bool(trained.history) and worse_than_one_colour(trained.history)
+    metrics = _metrics(trained, config, len(scenes))
+    if len(curve):
+        metrics["train_psnr"] = round(float(curve["train_psnr"].iloc[-1]), 3)
     return Outcome(
         metrics=metrics,
         state="degraded" if collapsed else "ok",
@@ -64,7 +66,9 @@ def run(inputs: Mapping[str, Path], config: TrainingConfig, out: Path, progress:
             *((NOT_LEARNED,) if collapsed else ()),
         ),
         series={
-            name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True)) for name in curve.columns[1:]
+            name: tuple(zip(curve["step"].tolist(), curve[name].tolist(), strict=True))
+            for name in curve.columns[1:]
+            if len(curve)
         },
         decisions=(steps_made(metrics, config), *trained.start.decisions),
     )
@@ -119,7 +123,7 @@ def _restarts(run: Run, config: TrainingConfig) -> list[str]:
 
 def curve_of(run: Run) -> pd.DataFrame:
     """Return the curve in at most CURVE_POINTS windows: last step of each, PSNR and loss over it."""
-    windows = np.array_split(np.arange(run.step), min(CURVE_POINTS, run.step))
+    windows = np.array_split(np.arange(run.step), min(CURVE_POINTS, run.step)) if run.step else []
     parts = [run.history[w[0] : w[-1] + 1] for w in windows]
     return pd.DataFrame(
         {

@@ -48,6 +48,19 @@ def test_training_reports_its_curve_and_leaves_a_model(trained):
     assert not (out / CHECKPOINT).exists()
 
 
+def test_no_steps_leave_the_first_weights_as_they_are(dataset, tmp_path):
+    outcome = training_stage.run({"dataset": dataset}, changed(CONFIG, steps=0), tmp_path, silent)
+    assert (outcome.state, outcome.metrics["steps"], outcome.series) == ("ok", 0, {})
+    assert "train_psnr" not in outcome.metrics
+    assert len(pd.read_parquet(tmp_path / CURVE)) == 0
+    first = begin(changed(CONFIG, steps=0), torch.device("cpu")).head.state_dict()
+    left = load_file(tmp_path / MODEL_WEIGHTS)
+    assert left
+    assert all(torch.equal(left[name], first[name]) for name in left)
+    [decided] = outcome.decisions
+    assert (decided.value, decided.rule) == (0, "the first weights are used as they are")
+
+
 def test_training_repeats_to_the_bit(dataset, trained, tmp_path):
     training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
     assert same_files(tmp_path, trained[0], MODEL_WEIGHTS, MODEL_CONFIG, CURVE)

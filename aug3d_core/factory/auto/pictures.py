@@ -1,7 +1,7 @@
 """Rules for the size of pictures. The reference is the size of the predicted views, which the user sets.
 
 Most costs were measured on the built-in town at 640 px with views of 96 px (`docs/settings.png`). For poses, which are far
-finer than a pixel of either, views of 256 px need little more; depth for them was measured again (`docs/measured.md`).
+finer than a pixel of either, views of 256 px need little more; depth for them was measured again (`docs/trials.md`).
 """
 
 from __future__ import annotations

@@ -30,8 +30,9 @@ def training(run: ReportedRun) -> str:
         if record is None:
             continue
         m = record.metrics
+        ended = _ENDS.get(str(m.get("stopped_by")), "") if m.get("steps") else "the first weights as they are"
         said.append(
-            f"{number(m.get('steps'))} steps{name}, {_ENDS.get(str(m.get('stopped_by')), '')};"
+            f"{number(m.get('steps'))} steps{name}, {ended};"
             f" {number(m.get('restarts'))} restarts; {number(m.get('parameters'))} parameters;"
             f" {number(m.get('groups_per_second'))} groups per second."
         )
