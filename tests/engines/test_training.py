@@ -57,8 +57,12 @@ def test_no_steps_leave_the_first_weights_as_they_are(dataset, tmp_path):
     left = load_file(tmp_path / MODEL_WEIGHTS)
     assert left
     assert all(torch.equal(left[name], first[name]) for name in left)
-    [decided] = outcome.decisions
-    assert (decided.value, decided.rule) == (0, "the first weights are used as they are")
+    decided = outcome.decisions[0]
+    assert (decided.field, decided.value, decided.rule) == (
+        "training.steps_made",
+        0,
+        "the first weights are used as they are",
+    )
 
 
 def test_training_repeats_to_the_bit(dataset, trained, tmp_path):
