@@ -98,11 +98,15 @@ def choose_camera_model(model: pycolmap.Reconstruction, photos: pd.DataFrame) ->
     return Chosen(final, camera_model, focal_from, heldout_px, over, moved)
 
 
-def as_it_was(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
-    """Return a model whose cameras were chosen before, adjusted with the cameras as they are."""
+def adjusted_as_it_was(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+    """Return a copy of the model, adjusted with its cameras as they are."""
     model = pycolmap.Reconstruction(model)
     adjust(model, refine_focal_length=False, refine_distortion=False)
-    without_wrong_points(model)
+    return without_wrong_points(model)
+
+
+def chosen_before(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> Chosen:
+    """Tell of the cameras of a model that were chosen before."""
     priors = _priors(model, photos)
     kept = all(model.camera(camera_id).mean_focal_length() == focal_px for camera_id, focal_px in priors.items())
     camera_model = model.camera(min(_used_cameras(model))).model_name

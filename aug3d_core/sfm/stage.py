@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from aug3d_core.run.files import EARLIER
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm import export
 from aug3d_core.sfm.camera_falloffs import measure_falloffs
-from aug3d_core.sfm.camera_model import Chosen, as_it_was, choose_camera_model
+from aug3d_core.sfm.camera_model import Chosen, adjusted_as_it_was, choose_camera_model, chosen_before
 from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
@@ -61,19 +61,17 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     if not mapped.models:
         raise nothing_found(matching)
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
-    largest = mapped.models[0]
-    chosen = as_it_was(largest, photos) if earlier else choose_camera_model(largest, photos)
-    marks = read_control_marks(inputs["photos"])
+    largest, marks = mapped.models[0], read_control_marks(inputs["photos"])
+    adjusted = cache(lambda: adjusted_as_it_was(largest))
     held, found = None, None
-    if earlier:
-        held, found = (
-            hold(chosen.model, earlier, photos, config.seed)
-            if marks is None
-            else (None, "control points move all poses")
-        )
+    if earlier and marks is None:
+        held, found = hold(largest, adjusted, earlier, photos, config.seed)
+    elif earlier:
+        found = "control points move all poses"
     if held:
-        chosen, located, arrays = replace(chosen, model=held.model), held.located, held.arrays
+        chosen, located, arrays = chosen_before(held.model, photos), held.located, held.arrays
     else:
+        chosen = chosen_before(adjusted(), photos) if earlier else choose_camera_model(largest, photos)
         located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed), chosen)
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
     falloffs = measure_falloffs(chosen.model, images, earlier.falloffs if earlier else {})
