@@ -59,7 +59,8 @@ class TrainingConfig(StageConfig):
         """Return how a head that is meant to start from trained weights is trained from random ones: faster, and longer."""
         if "start" not in type(self.head).model_fields:
             return self
-        more = {"steps": 4 * self.steps, "warmup_steps": 4 * self.warmup_steps, "learning_rate": 2 * self.learning_rate}
+        longer = {"steps": 12 * self.steps, "warmup_steps": 12 * self.warmup_steps}
+        more = longer | {"learning_rate": 2 * self.learning_rate}
         return self.started("random").model_copy(update=more)
 
     @property

@@ -84,9 +84,9 @@ CONFIG = SweepConfig
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "tiny": {
         # More, or faster, on one scene costs what the towns taught: docs/trials.md
-        "steps": 300,
+        "steps": 100,
         "learning_rate": 5e-4,
-        "warmup_steps": 15,
+        "warmup_steps": 5,
         "least_gain_db": 0.0,  # a probe costs as much as a step
         "rendered_share": 0.6,
         "groups_per_step": 1,

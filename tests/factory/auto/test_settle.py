@@ -82,10 +82,10 @@ def test_other_presets_leave_nothing_open(preset: str, store: Store) -> None:
 
 
 def test_whoever_sets_a_value_decides_it_be_it_the_presets_own(store: Store) -> None:
-    assert scene_config(AUTO).training.steps == 300
-    config = scene_config(AUTO, ["training.steps=300"])
+    assert scene_config(AUTO).training.steps == 100
+    config = scene_config(AUTO, ["training.steps=100"])
     assert "training.steps" not in config.auto and "depth.max_px" in config.auto
-    assert settled(store, "training", "training.steps=300").steps == 300
+    assert settled(store, "training", "training.steps=100").steps == 100
     again = overridden(config, ["depth.max_px=300"])
     assert set(config.auto) - set(again.auto) == {"depth.max_px"}
 
@@ -220,10 +220,10 @@ def test_nothing_is_rendered_for_photographs_that_overlap_in_tens(store: Store) 
 
 
 def test_steps_grow_with_what_there_is_to_learn_from(store: Store) -> None:
-    assert settled(store, "training").steps == 372
-    assert settled(store, "training", train=62).steps == 744
-    assert settled(store, "training", "training.head.crop_px=64", train=62).steps == 2976
-    assert settled(store, "training", train=6).steps == 300, "the rate has to rise and fall"
+    assert settled(store, "training").steps == 124
+    assert settled(store, "training", train=62).steps == 248
+    assert settled(store, "training", "training.head.crop_px=64", train=62).steps == 992
+    assert settled(store, "training", train=6).steps == 100, "the rate has to rise and fall"
     assert settled(store, "sampling", train=30).domes == 2
 
 
@@ -246,8 +246,8 @@ def test_the_network_is_as_wide_as_there_are_pixels_to_learn_it_from(store: Stor
 
 def test_few_steps_are_all_made(store: Store) -> None:
     few = settled(store, "training")
-    assert (few.least_gain_db, few.warmup_steps) == (0, 19), "a twentieth, as the preset has it"
-    many = settled(store, "training", train=200)
+    assert (few.least_gain_db, few.warmup_steps) == (0, 7), "a twentieth, as the preset has it"
+    many = settled(store, "training", train=600)
     assert (many.least_gain_db, many.warmup_steps) == (0.05, many.steps // 20)
     assert settled(store, "training", *NERF, "training.steps=50").least_gain_db == 0.05, "these were not decided here"
 

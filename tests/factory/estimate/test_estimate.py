@@ -86,7 +86,7 @@ def test_what_is_looked_at_without_gps_grows_with_the_photographs_not_with_their
         ("photos.max_px=400", "depth"), ("matching.max_features=1024", "matching"), ("matching.first_octave=0", "matching"),
         ("depth.max_px=256", "depth"), ("depth.max_px=256", "surface"), ("depth.plane_step_px=4", "depth"),
         ("surface.texel_gsd=2", "surface"), ("sampling.domes=4", "rendering"), ("sampling.domes=0", "rendering"),
-        ("rendering.samples=2", "rendering"), ("training.steps=100", "training"), ("training.head.planes=16", "training"),
+        ("rendering.samples=2", "rendering"), ("training.steps=50", "training"), ("training.head.planes=16", "training"),
         ("training.input_views=2", "training"), ("evaluation.flythrough_frames=0", "evaluation"),
     ],
 )  # fmt: skip
@@ -302,7 +302,7 @@ def test_open_settings_count_as_they_will_likely_be_and_widen_the_range(tmp_path
     chosen = likely_settings(auto, TOWN, plan, store, Material())
     # What `auto` chose for the town of 60 photographs: docs/presets.md, aug3d_core/factory/auto
     assert chosen.matching.first_octave == 0 and chosen.sampling.domes == 0
-    assert 300 <= chosen.training.steps <= 500 and chosen.training.least_gain_db == 0
+    assert 100 <= chosen.training.steps <= 170 and chosen.training.least_gain_db == 0
     found = estimate_plan(store, Material(), auto, plan)
     usual = estimate_plan(store, Material(), TINY, list(planned(store, Material(), TINY)))
     assert "training.steps" in found.open_fields and not usual.open_fields
