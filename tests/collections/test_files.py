@@ -58,7 +58,7 @@ def test_a_name_cannot_leave_the_folder(store: Store, name: str) -> None:
         ("towns: -1\n", r"all.yaml:1: towns = -1"),
         ("towns: 3\npreset: auto\n", r"all.yaml:2: preset = 'auto': is not a size"),
         ("towns: 3\nsettings:\n  sfm: {seed: 1}\n", r"sets sfm, which is each scene's own"),
-        ("towns: 3\nsettings:\n  training: {steps: 0}\n", r"all.yaml:3: settings.training.steps = 0"),
+        ("towns: 3\nsettings:\n  training: {steps: -1}\n", r"all.yaml:3: settings.training.steps = -1"),
         ("towns: 3\ntrain: ['../a']\n", "is not a scene name"),
         ("towns: [\n", r"all.yaml:\d"),
     ],

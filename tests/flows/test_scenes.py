@@ -144,10 +144,10 @@ def test_show_tells_what_differs_from_the_preset_and_the_versions(store: Store) 
     first, second = made(store, "hill", "ok", 22.5), made(store, "hill", "refused", None)
     publish(store, first)
     facts = told("show", "hill")
-    assert facts["changes"] == {"training.steps": {"value": 500, "preset": 300}}
+    assert facts["changes"] == {"training.steps": {"value": 500, "preset": 100}}
     assert [version["version"] for version in facts["versions"]] == [first.name, second.name]
     shown = scenes("show", "hill").output
-    for words in ("built-in town", "[CC] BY", "training.steps = 500 (preset: 300)", "published", "22.50", "refused"):
+    for words in ("built-in town", "[CC] BY", "training.steps = 500 (preset: 100)", "published", "22.50", "refused"):
         assert words in shown
     (second / "metrics.json").unlink()
     (first / "metrics.json").unlink()

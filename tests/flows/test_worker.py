@@ -107,7 +107,7 @@ def test_the_form_says_what_each_setting_is_and_keeps_the_order_of_the_stages(st
 
     form = run(of_scene("one", scene()))._parameter_openapi_schema.model_dump()
     assert list(form["definitions"]["SceneConfig"]["properties"]) == list(scene().config_values())
-    assert form["definitions"]["TrainingConfig"]["properties"]["steps"]["minimum"] >= 1
+    assert form["definitions"]["TrainingConfig"]["properties"]["groups_per_step"]["minimum"] == 1
     for name, model in form["definitions"].items():
         for field, said in model.get("properties", {}).items():
             assert said.get("description"), f"{name}.{field} tells what it is"

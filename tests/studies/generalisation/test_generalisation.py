@@ -80,8 +80,8 @@ def test_a_model_is_tuned_from_the_one_that_never_saw_the_scene_for_a_tenth_of_t
     _, stages, _ = studied
     tuned = [(on, steps, start) for on, steps, start in stages.trained if start.endswith(".safetensors")]
     assert [on for on, *_ in tuned] == [{"north"}, {"south"}, {"far"}]
-    assert {steps for _, steps, _ in tuned} == {80}
-    assert {steps for on, steps, start in stages.trained if start == "random"} == {800}
+    assert {steps for _, steps, _ in tuned} == {240}
+    assert {steps for on, steps, start in stages.trained if start == "random"} == {2400}
 
 
 def test_in_folds_no_model_is_judged_on_what_it_was_trained_on(tmp_path: Path):

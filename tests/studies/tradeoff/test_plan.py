@@ -127,4 +127,4 @@ def test_a_quick_look_trains_for_seconds_and_auto_sets_nothing_by_hand() -> None
     config = scene_config("tiny")
     quick = scene_config("tiny", quick_effort(config))
     assert quick.training.steps == round(config.training.steps / 20) and quick.training.warmup_steps == 1
-    assert auto_arm().settings == () and rungs(quick, True) == [5, 15]
+    assert auto_arm().settings == () and rungs(quick, True) == [2, 5]
