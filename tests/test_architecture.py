@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -70,11 +71,17 @@ def sources() -> list[Path]:
     return sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
 
 
+@cache  # a dozen tests ask for all of them
+def import_statements(source: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    nodes = ast.walk(ast.parse(source.read_bytes()))
+    return tuple(node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom))
+
+
 def imports(source: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(source.read_bytes())):
+    for node in import_statements(source):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             yield "." * node.level + (node.module or "")
 
 
@@ -100,10 +107,10 @@ def modules() -> dict[str, Path]:
 def internal_imports(modules: Mapping[str, Path], module: str) -> set[str]:
     """Return the modules of aug3d_core that a module imports, in functions too."""
     found = set()
-    for node in ast.walk(ast.parse(modules[module].read_bytes())):
+    for node in import_statements(modules[module]):
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif node.module:
             inner = {f"{node.module}.{alias.name}" for alias in node.names}
             found.update(name if name in modules else node.module for name in inner)
     return {name for name in found if name.partition(".")[0] == "aug3d_core"}
