@@ -68,7 +68,7 @@ _LENGTH = Length(
     looks=1,
     least_steps=100,
     pixels_per_group=_crop,
-    costs="0.1 dB on leaves against three looks; nothing elsewhere",
+    costs="against three looks 0.1 dB on leaves, and from the inputs alone 0.3 dB on one of two towns",
 )
 
 RULES = {

@@ -83,7 +83,7 @@ class SweepConfig(HeadConfig):
 CONFIG = SweepConfig
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "tiny": {
-        # More, or faster, on one scene costs what the towns taught: docs/trials.md
+        # More on one scene costs what the towns taught: docs/measured.md; faster, too: docs/trials.md
         "steps": 100,
         "learning_rate": 5e-4,
         "warmup_steps": 5,

@@ -18,6 +18,5 @@ REMEDIES = {
     "renders": "Virtual views tells why renders were left out: mostly for holes of the mesh, which more overlap fills.",
     "leaks": "Do not quote the score before the check that failed is understood (Data set).",
     "views": "Try --preset auto, longer training (--set training.steps=N), or photographs that overlap more.",
-    "model": "Use the simpler answer, or train longer (--set training.steps=N). More held-out photographs decide what is"
-    " open.",
+    "model": "Use the simpler answer. More held-out photographs decide what is open.",
 }
