@@ -1,26 +1,28 @@
 """The photographs that make up for most of what is missing, one after another.
 
-What is missing falls less and less with each photograph of a place, so that taking the best one each time is within 1 - 1/e of
-the best set (Nemhauser, Wolsey and Fisher 1978), and a candidate's gain never grows: only those that may still be best are
-asked again (Minoux 1978).
+Each is the one that adds most to those before it. No bound is known of how far that is from the best set: a photograph may
+add more after another one, since a view takes only the few that are best for it.
 """
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import Delaunay, QhullError
 
-from aug3d_core.advice.need import POOR, Look, Need, look_of
+from aug3d_core.advice.need import POOR, Look, look_of, need_of, offers
 from aug3d_core.advice.site import Site
-from aug3d_core.geometry.transforms import forward
+from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.geometry.views import Views
 
 _APART = 4  # candidates along a picture
 _MOST_PLACES = 1200
+_MOST_ASKED = 600  # views that may be asked for
+# Of the flight's height: a photograph then shows 1.4 times the ground, and views from the flight's height look past it less
+HIGHER = 1.2
 _BEYOND = 0.75  # pictures: so far outside the area a tilted camera may stand, to look into it
 _MOST_TILT_DEG = 45.0
 
@@ -46,14 +48,24 @@ class Advised:
 
 @dataclass(frozen=True)
 class Choice:
-    """advised: in order of rank. missing: share of the site before any of them and after each, one more than advised."""
+    """advised: in order of rank. missing: share of the site before any of them and after each, one more than advised.
+
+    before, after: what is missing of each sample of the site, 0 to 1; NaN where no view that may be asked for shows it.
+    """
 
     advised: tuple[Advised, ...]
     missing: tuple[float, ...]
+    before: Float[np.ndarray, " s"]
+    after: Float[np.ndarray, " s"]
 
 
-def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]:
-    """Return where cameras may stand, and their yaw and pitch [degrees]: tilted and turned as the flight was."""
+def candidates(
+    site: Site, views: Views, higher: float = 1.0
+) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]:
+    """Return where cameras may stand, and their yaw and pitch [degrees]: tilted and turned as the flight was.
+
+    higher: so many times as high above the ground as the flight was.
+    """
     tilt, yaws = usual_look(views)
     wanted = site.area.middle(site.area.wanted)
     low, high = wanted.min(axis=0), wanted.max(axis=0)
@@ -64,8 +76,8 @@ def candidates(site: Site, views: Views) -> tuple[Float[np.ndarray, "c 3"], Floa
     stand, turn = [], []
     for yaw in yaws:
         ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
-        aims = site.area.has(grid + ahead * site.height * np.tan(np.radians(tilt)))
-        stand.append(site.flown(grid[aims]))
+        aims = site.area.has(grid + ahead * site.height_flown(higher) * np.tan(np.radians(tilt)))
+        stand.append(site.flown(grid[aims], higher))
         turn.append(np.tile([yaw, tilt - 90.0], (int(aims.sum()), 1)))
     return np.concatenate(stand), np.concatenate(turn)
 
@@ -90,39 +102,64 @@ def pose(xyz: Float[np.ndarray, " 3"], yaw_deg: float, pitch_deg: float) -> Floa
     return np.concatenate([rotation, (-rotation @ xyz)[:, None]], axis=1)
 
 
+def asked_for(site: Site, views: Views) -> tuple[Float[np.ndarray, "a 3"], Float[np.ndarray, "a 2"]]:
+    """Return views that may be asked for, as candidates: the flight's own kind, among its cameras.
+
+    Where cameras enclose nothing, being all in a line, they are all that aim at the site.
+    """
+    stand, turn = candidates(site, views)
+    try:
+        inside = Delaunay(centres(views.cam_from_world)[:, :2]).find_simplex(stand[:, :2]) >= 0
+    except QhullError:
+        inside = np.zeros(len(stand), bool)
+    among = np.flatnonzero(inside) if inside.any() else np.arange(len(stand))
+    among = among[:: -(-len(among) // _MOST_ASKED)]
+    return stand[among], turn[among]
+
+
 def chosen(
     site: Site,
     views: Views,
-    need: Need,
     error: Float[np.ndarray, " s"],
     count: int,
-    progress: Callable[[int, int], None],
+    progress: Callable[[str, int, int], None],
 ) -> Choice:
-    """Return so many photographs to take, fewer where none adds anything. `need` counts them afterwards."""
+    """Return so many photographs to take, fewer where none adds anything. error: of the model at each sample, 1 if as usual."""
     intrinsics, size = np.median(views.intrinsics, axis=0), np.median(views.size, axis=0).astype(int)
-    stand, turn = candidates(site, views)
-    looks: list[Look] = []
-    for done, (xyz, (yaw, pitch)) in enumerate(zip(stand, turn, strict=True)):
-        looks.append(look_of(site, pose(xyz, yaw, pitch), intrinsics, size))
-        progress(done + 1, len(stand))
-    heap = [(-float(need.added(look).sum()), candidate) for candidate, look in enumerate(looks)]
-    heapq.heapify(heap)
-    missing, advised, left = [need.missing], [], need.missing_at()
-    while heap and len(advised) < count:
-        _, best = heapq.heappop(heap)
-        gain = need.added(looks[best])
-        if heap and gain.sum() < -heap[0][0]:
-            heapq.heappush(heap, (-float(gain.sum()), best))
-            continue
-        if gain.sum() <= 0:
+
+    def looks_of(what: str, stand: np.ndarray, turn: np.ndarray) -> list[Look]:
+        looks: list[Look] = []
+        for xyz, (yaw, pitch) in zip(stand, turn, strict=True):
+            looks.append(look_of(site, pose(xyz, yaw, pitch), intrinsics, size))
+            progress(what, len(looks), len(stand))
+        return looks
+
+    stand, turn = candidates(site, views, HIGHER)
+    looks = looks_of("places to stand", stand, turn)
+    asked = [look for look in looks_of("views to predict", *asked_for(site, views)) if len(look.sample)]
+    need = need_of(site, views, asked, error, lambda done, total: progress("photographs", done, total))
+    offered = [*offers(asked, looks)]
+    gains = np.zeros((len(asked), len(looks)), np.float32)
+    for view, offer in enumerate(offered):
+        gains[view, offer.photo] = need.added(view, offer)
+    before, left = need.missing_at(), need.missing_at()
+    missing, advised, taken = [need.missing], [], []
+    for rank in range(1, count + 1):
+        best = int(gains.sum(axis=0).argmax())
+        better = np.flatnonzero(gains[:, best])
+        if not len(better):
             break
-        advised.append(
-            _advised(len(advised) + 1, stand[best], turn[best], looks[best], site, left, error, gain, missing[0])
-        )
-        need.take(looks[best])
-        left = need.missing_at()
+        for view in better:
+            offer = offered[view]
+            need.take(view, offer.counts[np.searchsorted(offer.photo, best)])
+            gains[view, offer.photo] = need.added(view, offer)
+        taken.append(best)
+        gains[:, taken] = 0
         missing.append(need.missing)
-    return Choice(tuple(advised), tuple(missing))
+        adds = (missing[-2] - missing[-1]) / missing[0]
+        advised.append(_advised(rank, stand[best], turn[best], looks[best], site, left, error, adds))
+        left = need.missing_at()
+    return Choice(tuple(advised), tuple(missing), before, left)
 
 
 def _advised(
@@ -133,13 +170,12 @@ def _advised(
     site: Site,
     left: Float[np.ndarray, " s"],
     error: Float[np.ndarray, " s"],
-    gain: Float[np.ndarray, " k"],
-    before: float,
+    adds: float,
 ) -> Advised:
     east, north, up = (float(value) for value in xyz)
+    here = np.nan_to_num(left[look.sample])
     return Advised(
         rank=rank, xyz=(east, north, up), yaw_deg=float(turn[0]), pitch_deg=float(turn[1]),
-        adds=float(gain.sum() / before), poor=float((left[look.sample] > POOR).mean()),
-        hole=float(site.in_hole[look.sample].mean()),
-        error=float((error[look.sample] * gain).sum() / gain.sum()),
+        adds=adds, poor=float((here > POOR).mean()), hole=float(site.in_hole[look.sample].mean()),
+        error=float((error[look.sample] * here).sum() / here.sum()),
     )  # fmt: skip

@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from aug3d_core.advice.choice import Advised
+from aug3d_core.advice.choice import HIGHER, Advised
 from aug3d_core.advice.need import POOR
 from aug3d_core.advice.plan import Plan
 from aug3d_core.advice.site import Site
@@ -41,9 +41,11 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
         ("photographs now", number(len(plan.views))),
         ("to take", number(len(plan.choice.advised))),
         ("missing before, after", f"{before:.0%}, {after:.0%}"),
+        ("flown at", f"{plan.site.height:.0f} {plan.unit} above the ground"),
         (
-            "flown at",
-            f"{plan.site.height:.0f} {plan.unit} above the ground, never below {plan.site.floor:.0f} {plan.unit}",
+            "to be flown at",
+            f"{plan.site.height_flown(HIGHER):.0f} {plan.unit} above the ground,"
+            f" never below {plan.site.floor:.0f} {plan.unit}",
         ),
         ("highest roof", f"{plan.site.roof:.0f} {plan.unit} (heights of the scene's world)"),
     ]
@@ -51,9 +53,9 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
     parts.append(tag("div", told, class_="facts"))
     if said := caution(plan):
         parts.append(tag("p", tag("b", escape(said)), class_="note"))
-    parts += [tag("h2", "What is missing now, and where to stand"), _map(plan, mesh, plan.before, True)]
+    parts += [tag("h2", "What is missing now, and where to stand"), _map(plan, mesh, plan.choice.before, True)]
     if plan.choice.advised:
-        parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.after, False)]
+        parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.choice.after, False)]
         parts += [tag("h2", "The photographs, best first"), _table(plan)]
     if files:
         parts += [tag("h2", "Files"), tag("p", ", ".join(tag("code", escape(name)) for name in files))]
@@ -62,7 +64,7 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
 
 def verdict(plan: Plan) -> str:
     """Return the advice in one sentence."""
-    hole, poor = float(plan.site.in_hole.mean()), float((plan.before > POOR).mean())
+    hole, poor = float(plan.site.in_hole.mean()), float((plan.choice.before > POOR).mean())
     if not plan.choice.advised:
         return "Nothing is missing: each place is photographed from wherever the flight looks."
     holes = f", and the mesh has nothing of {hole:.0%}" if hole >= 0.005 else ""
@@ -92,7 +94,7 @@ def why(one: Advised) -> str:
         reasons.append(f"{one.poor:.0%} is poorly photographed")
     if one.error >= 1.2:
         reasons.append(f"the model errs {one.error:.1f} times as much there as usual")
-    return "; ".join(reasons) or "another side of what is seen"
+    return "; ".join(reasons) or "nearer to what views between the photographs show"
 
 
 def _map(plan: Plan, mesh: Mesh, missing: Float[np.ndarray, " s"], with_advice: bool) -> str:
@@ -136,8 +138,9 @@ def _missing(site: Site, frame: Frame, missing: Float[np.ndarray, " s"]) -> str:
     rows, columns = area.wanted.shape
     column, row = np.floor((site.samples.xyz[:, :2] - area.low) / area.cell).astype(int).T
     cell = row.clip(0, rows - 1) * columns + column.clip(0, columns - 1)
-    count = np.bincount(cell, minlength=rows * columns)
-    share = np.bincount(cell, 1 - missing, minlength=rows * columns) / np.maximum(count, 1)
+    known = np.isfinite(missing)
+    count = np.bincount(cell[known], minlength=rows * columns)
+    share = np.bincount(cell[known], 1 - missing[known], minlength=rows * columns) / np.maximum(count, 1)
     nearest = distance_transform_edt(count.reshape(rows, columns) == 0, return_distances=False, return_indices=True)
     share = share.reshape(rows, columns)[tuple(np.asarray(nearest))]
     rgba = np.zeros((rows, columns, 4), np.uint8)

@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from aug3d_core.advice.choice import Choice, chosen
 from aug3d_core.advice.model_error import error_at
-from aug3d_core.advice.need import need_of
 from aug3d_core.advice.route import route
 from aug3d_core.advice.site import Site, site_of
 from aug3d_core.export.finished import required, world_of
@@ -26,7 +25,7 @@ Progress = Callable[[str, int, int], None]  # what, done, total
 
 @dataclass(frozen=True)
 class Plan:
-    """choice: its photographs in the order of the route. before, after: what is missing of each sample of the site, 0 to 1.
+    """choice: its photographs in the order of the route.
 
     origin: latitude, longitude and altitude of the world's origin; None where no GPS told it.
     """
@@ -34,8 +33,6 @@ class Plan:
     site: Site
     views: Views
     choice: Choice
-    before: Float[np.ndarray, " s"]
-    after: Float[np.ndarray, " s"]
     unit: str
     origin: Float[np.ndarray, " 3"] | None
 
@@ -69,9 +66,7 @@ def plan_of(
     mesh = Mesh.load(required(surface / BASELINE_MESH))
     site = site_of(mesh, views, points.xyz, margin_m if world["metric"] else None)
     error = error_at(site, views, evaluations)
-    need = need_of(site, views, error, lambda done, total: progress("photographs", done, total))
-    before = need.missing_at()
-    choice = chosen(site, views, need, error, count, lambda done, total: progress("places to stand", done, total))
+    choice = chosen(site, views, error, count, progress)
     order = route(np.array([one.xyz for one in choice.advised]).reshape(-1, 3))
     choice = replace(choice, advised=tuple(choice.advised[i] for i in order))
-    return Plan(site, views, choice, before, need.missing_at(), world["unit"], origin)
+    return Plan(site, views, choice, world["unit"], origin)

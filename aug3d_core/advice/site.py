@@ -26,6 +26,7 @@ from aug3d_core.run.errors import InputError
 _CELLS, _MOST_CELLS = 20, 400  # along the ground of a picture; along the map
 _SEED = 0
 _MARGIN_SHARE = 0.2  # of the flight's height, where no metre is known
+_LAWFUL_M = 120.0  # above the ground, without a permit in most countries
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,8 @@ class Site:
     """samples: places on ground, roofs and walls, each of the same area. in_hole: where the mesh has nothing.
 
     ground: fitted under all. height: usual, of the flight above the ground. picture: side of the ground in a picture.
-    roof: the highest surface of the area and its surroundings. floor: nothing flies below it.
+    roof: the highest surface of the area and its surroundings. floor: nothing flies below it. lawful: height above the ground
+    beyond which nothing flies that the flight did not; infinite where no metre is known.
     """
 
     area: Area
@@ -70,11 +72,16 @@ class Site:
     picture: float
     roof: float
     floor: float
+    lawful: float
 
-    def flown(self, xy: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
-        """Return where to fly over places: as high above the ground as before, never below the floor."""
-        z = np.maximum(self.ground.height_at(xy) + self.height, self.floor)
+    def flown(self, xy: Float[np.ndarray, "*n 2"], higher: float = 1.0) -> Float[np.ndarray, "*n 3"]:
+        """Return where to fly over places: so many times as high above the ground as before, never below the floor."""
+        z = np.maximum(self.ground.height_at(xy) + self.height_flown(higher), self.floor)
         return np.concatenate([xy, z[..., None]], axis=-1)
+
+    def height_flown(self, higher: float) -> float:
+        """Return so many times the usual height of the flight above the ground, as far as that is lawful."""
+        return min(higher * self.height, max(self.height, self.lawful))
 
 
 def site_of(mesh: Mesh, views: Views, points_in_world: Float[np.ndarray, "p 3"], margin: float | None) -> Site:
@@ -96,7 +103,8 @@ def site_of(mesh: Mesh, views: Views, points_in_world: Float[np.ndarray, "p 3"],
     roof = float(median_filter(area.heights, 3).max())  # a speck of the mesh above the roofs is none
     floor = roof + (_MARGIN_SHARE * height if margin is None else margin)
     samples, in_hole = _samples(area, mesh)
-    return Site(area, samples, in_hole, surface, ground, height, picture, roof, floor)
+    lawful = np.inf if margin is None else _LAWFUL_M
+    return Site(area, samples, in_hole, surface, ground, height, picture, roof, floor, lawful)
 
 
 def _area(

@@ -25,7 +25,7 @@ from aug3d_core.advice.mission import Waypoint, waypoints
 from aug3d_core.advice.plan import Plan, plan_of
 from aug3d_core.bench.figure import Figure, at_least, in_own_process
 from aug3d_core.dataset.images import fit
-from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.similarity import Similarity, fit_similarity
 from aug3d_core.geometry.transforms import centres, homogeneous, invert
@@ -55,7 +55,7 @@ TOWNS = (
     ("town.seed=23", "town.path=nadir", "town.buildings=dense"),
 )
 MORE, MARGIN_M = 20, 15.0
-_JUDGES = 40
+_JUDGES = (8, 5)  # cells from west to east, from south to north, with a photograph each that judges
 _GAP = (-45.0, 45.0, -20.0, np.inf)  # west, east, south, north [m]: no photograph is taken from there
 _SIZE_PX, _INPUTS = (256, 192), 3
 _WITHIN = 0.01  # of the extent: distance of the F-score
@@ -125,11 +125,13 @@ def _flown(store: Store, scene: Measured, overrides: Sequence[str], say: Say) ->
 
 
 def _anywhere(config: TownConfig, truth: Views) -> Float[np.ndarray, "t 3 4"]:
-    """Return poses anywhere over the flight, as high and as tilted, along its lines either way."""
-    rng, at, terrain = np.random.default_rng([config.seed, _JUDGES]), centres(truth.cam_from_world), terrain_of(config)
+    """Return poses over the flight, one in each cell, as high and as tilted, along its lines either way."""
+    rng, at, terrain = np.random.default_rng([config.seed, 1]), centres(truth.cam_from_world)[:, :2], terrain_of(config)
     pitch = -90.0 if config.path == "nadir" else config.tilt_deg - 90
+    low, high = at.min(axis=0), at.max(axis=0)
+    cell = np.stack(np.meshgrid(*map(np.arange, _JUDGES)), axis=-1).reshape(-1, 2)
     found = []
-    for x, y in rng.uniform(at[:, :2].min(axis=0), at[:, :2].max(axis=0), (_JUDGES, 2)):
+    for x, y in low + (cell + rng.uniform(size=cell.shape)) / _JUDGES * (high - low):
         z = config.altitude_m + float(terrain.trend_in_world(x, y))
         found.append(pose(np.array([x, y, z]), float(rng.choice([90.0, 270.0])), pitch))
     return np.stack(found)
@@ -151,7 +153,7 @@ def _arms(store: Store, scene: Measured, flown: Flown, number: int, say: Say):
 
 
 def _ways(plan: Plan, flown: Flown, rng: np.random.Generator) -> Mapping[str, Float[np.ndarray, "n 3 4"]]:
-    """Return the true poses of each way. Advice is flown by its coordinates on earth, the others over the same area."""
+    """Return the true poses of each way, over the same area. All are flown by their coordinates on earth."""
     assert plan.origin is not None
     points = waypoints(plan.choice.advised, plan.origin, plan.lowest_ground)
     advice = [pose(xyz, one.yaw_deg, one.pitch_deg) for xyz, one in zip(_flown_at(points), points, strict=True)]
@@ -168,7 +170,9 @@ def _ways(plan: Plan, flown: Flown, rng: np.random.Generator) -> Mapping[str, Fl
     drawn = [(one, rng.uniform(0, 360)) for one in rng.permutation(wanted)[:MORE]]
     ways = {"advice": np.stack(advice)}
     for arm, places in (("lines", lines), ("random", drawn)):
-        ways[arm] = np.stack([pose(plan.site.flown(xy), yaw, pitch) for xy, yaw in places])
+        on_earth = geodetic_from_enu(plan.site.flown(np.array([xy for xy, _ in places])), plan.origin)
+        there = enu_from_geodetic(on_earth, np.array(ORIGIN_GEODETIC))
+        ways[arm] = np.stack([pose(xyz, yaw, pitch) for xyz, (_, yaw) in zip(there, places, strict=True)])
     return ways
 
 

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from aug3d_core.advice.choice import Choice, candidates, chosen, pose, usual_look
-from aug3d_core.advice.need import POOR, look_of, need_of
+from aug3d_core.advice.choice import HIGHER, Choice, asked_for, candidates, chosen, pose, usual_look
 from aug3d_core.advice.site import Site
 from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.geometry.views import Views
 from tests.advice.flown_site import HIGH_M, ROOF_M, site, views
 
 
-def quiet(done: int, total: int) -> None:
+def quiet(what: str, done: int, total: int) -> None:
     pass
 
 
 def advice(of: Site, skipped_m: float, count: int = 6, error: np.ndarray | None = None) -> Choice:
     error = np.ones(len(of.samples.xyz)) if error is None else error
-    flown = views(skipped_m)
-    return chosen(of, flown, need_of(of, flown, error, quiet), error, count, quiet)
+    return chosen(of, views(skipped_m), error, count, quiet)
 
 
 def look_spots(choice: Choice) -> np.ndarray:
@@ -52,12 +52,14 @@ def test_advice_looks_into_the_gap() -> None:
     assert (np.abs(spots).max(axis=1) < 50).all(), spots
 
 
-def test_each_photograph_adds_no_more_than_the_one_before_and_all_that_is_said() -> None:
+def test_each_photograph_adds_what_is_said_and_none_is_asked_for_twice() -> None:
     choice = advice(site(50.0), 50.0, count=12)
     left = np.array(choice.missing)
     adds = [one.adds for one in sorted(choice.advised, key=lambda one: one.rank)]
-    assert (np.diff(left) < 0).all() and np.all(np.diff(adds) <= 1e-9)
+    assert (np.diff(left) < 0).all() and adds[0] == max(adds)
     assert np.allclose(-np.diff(left) / left[0], adds, rtol=1e-3)
+    assert np.nanmean(choice.after) < np.nanmean(choice.before)
+    assert len({(one.xyz, one.yaw_deg) for one in choice.advised}) == 12
 
 
 def test_a_gap_misses_more_than_none_and_the_first_advice_is_for_it() -> None:
@@ -73,28 +75,31 @@ def test_where_the_model_errs_more_is_asked_for() -> None:
     assert (spots[:, 0] > 20).all(), spots
 
 
-def test_a_photograph_counts_less_and_less_and_most_where_it_looks_from() -> None:
-    place, flown = site(), views()
-    need = need_of(place, flown, np.ones(len(place.samples.xyz)), quiet)
-    need.seen[:] = 0.0
-    look = look_of(place, flown.cam_from_world[60], flown.intrinsics[60], flown.size[60])
-    left = [need.missing]
-    for _ in range(3):
-        gain = need.added(look).sum()
-        need.take(look)
-        left.append(need.missing)
-        assert left[-2] - left[-1] == pytest.approx(gain, rel=1e-3)
-    assert left[0] == pytest.approx(1.0) and (np.diff(left) < 0).all() and (np.diff(np.diff(left)) > 0).all()
-    nearest = (look.towards[:, None] * need.directions).sum(axis=-1).argmax(axis=1)
-    assert (need.seen[look.sample].argmax(axis=1) == nearest).all()
-    assert (np.delete(need.seen, look.sample, axis=0) == 0).all()
+def test_views_are_asked_for_among_the_photographs_also_in_a_gap_and_not_outside() -> None:
+    flown = views(50.0)
+    (stand, _), (asked, turn) = candidates(site(50.0), flown), asked_for(site(50.0), flown)
+    assert np.abs(stand[:, :2]).max() > 80 and np.abs(asked[:, :2]).max() <= 75 + 1e-6
+    assert (np.abs(asked[:, :2]).max(axis=1) < 25).sum() >= 4
+    assert len(turn) == len(asked) and np.allclose(asked[:, 2], HIGH_M, atol=0.5)
 
 
-def test_directions_are_those_of_the_flight() -> None:
-    need = need_of(site(), views(), np.ones(len(site().samples.xyz)), quiet)
-    down_deg = np.degrees(np.arccos(need.directions[:, 2]))
-    assert down_deg.max() < 50 and down_deg.min() < 10 and len(need.directions) > 10
-    assert 0 < (need.missing_at() > POOR).mean() < 0.6
+def test_where_photographs_lie_in_a_line_all_that_may_be_taken_is_asked_for() -> None:
+    row = views()
+    row = row.take(np.flatnonzero(np.abs(centres(row.cam_from_world)[:, 1]) < 1))
+    assert len(asked_for(site(), row)[0]) == len(candidates(site(), row)[0])
+
+
+@pytest.mark.parametrize(
+    "margin, high_m, told_m", [(15.0, 60, 72), (15.0, 110, 120), (15.0, 130, 130), (None, 130, 156)]
+)
+def test_photographs_are_taken_from_a_little_higher_as_far_as_is_lawful(
+    margin: float | None, high_m: float, told_m: float
+) -> None:
+    place = site(margin=margin)
+    place = replace(place, height=place.height * high_m / HIGH_M)
+    assert place.flown(np.zeros((1, 2)), HIGHER)[0, 2] == pytest.approx(told_m, abs=0.5)
+    if high_m == HIGH_M:
+        assert np.allclose([one.xyz[2] for one in advice(place, 0.0).advised], told_m, atol=0.5)
 
 
 def test_no_candidate_stands_below_the_margin_or_looks_past_the_site() -> None:
