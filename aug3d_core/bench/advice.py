@@ -261,8 +261,8 @@ def predicted_psnr(
     from aug3d_core.heads import saved
     from aug3d_core.heads.config import shipped
     from aug3d_core.judging.scores import psnr
+    from aug3d_core.novel.inputs import inputs_of
     from aug3d_core.novel.outside import MARGIN_SHARE, OUTLIER_SHARE
-    from aug3d_core.novel.preview import inputs_of
 
     scene, head = scene_of_photographs(sfm, _SIZE_PX, OUTLIER_SHARE, MARGIN_SHARE), saved.load(shipped()[0])
     with Image.open(truths[0]) as image:
@@ -271,7 +271,7 @@ def predicted_psnr(
     wider, rows = with_views(scene, poses, crop.intrinsics(intrinsics), np.arange(len(scene)))
     scores = []
     for row, file in zip(rows.tolist(), truths, strict=True):
-        view = head.predict(wider, row, inputs_of(wider, row, _INPUTS))
+        view = head.predict(wider, row, inputs_of(wider, row, np.arange(len(scene)), _INPUTS))
         with Image.open(file) as image:
             scores.append(psnr(crop.colour(np.asarray(image.convert("RGB"))), view.colour))
     return scores

@@ -3,6 +3,7 @@
 config   which view, from which photographs
 preview  the stage `preview`: photographs with poses -> views and a flight, with a model of other places
 stage    the stage `prediction`: predict, draw, report
+inputs   which photographs a view is predicted from (numpy, torch)
 views    what the settings leave open: inputs, camera; and what of the view the inputs show (numpy)
 outside  posed photographs from outside -> a scene (numpy)
 """

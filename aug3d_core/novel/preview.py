@@ -8,38 +8,33 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from aug3d_core.dataset.new_views import only, with_views
+from aug3d_core.dataset.new_views import with_views
 from aug3d_core.dataset.photographs import scene_of_photographs
-from aug3d_core.dataset.projection import middle_ground
-from aug3d_core.dataset.rays import view_rays
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads import saved
 from aug3d_core.heads.head import Head, View
 from aug3d_core.judging import panels, video
 from aug3d_core.judging.cheap_answers import ground_homography
-from aug3d_core.judging.inputs import chosen_inputs
 from aug3d_core.judging.scores import psnr
 from aug3d_core.judging.summary import interval
 from aug3d_core.judging.warped_answers import plane_sweep
 from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
+from aug3d_core.novel.inputs import inputs_of
 from aug3d_core.novel.outside import MARGIN_SHARE, OUTLIER_SHARE
-from aug3d_core.novel.views import most_alike
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome, Progress
 
 CHEAP = {"homography": ground_homography, "plane sweep": plane_sweep}  # answers from the same inputs, without learning
 FRAMES_PER_SECOND = 8
 _ACROSS = (0.1, 0.9)  # quantiles of the cameras along their longest line, between which the flight goes
-_NEAR = 24  # photographs that look nearest to a view: of these its inputs are chosen
 
 
 def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: Progress) -> Outcome:
@@ -58,7 +53,7 @@ def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: 
     rows, scores = [], []
     for done, target in enumerate(chosen):
         progress(done, total, "photographs from the others")
-        given = inputs_of(scene, int(target), config.input_views)
+        given = inputs_of(scene, int(target), np.delete(np.arange(len(scene)), target), config.input_views)
         view = head.predict(scene, int(target), given)
         answers = [view.colour, *(answer(scene, int(target), given) for answer in CHEAP.values())]
         truth = scene.images[target]
@@ -124,27 +119,6 @@ def doubts_of(figures: Mapping[str, float]) -> list[str]:
     ]
 
 
-def inputs_of(scene: Scene, target: int, count: int) -> Int[np.ndarray, " v"]:
-    """Return the photographs that add most to what is seen of a view's ground, as the test chooses them over a scaffold."""
-    photos = np.flatnonzero((scene.photo_id >= 0) & (np.arange(len(scene)) != target))
-    spots = np.stack([middle_ground(scene, int(view)) for view in photos])
-    away = np.linalg.norm(spots - middle_ground(scene, target), axis=1)
-    support = most_alike(scene, target, photos[np.argsort(away, kind="stable")[:_NEAR]])
-    rows = np.append(target, support)
-    over_ground = only(scene, rows)
-    ground = [_ground_depth(over_ground, view) for view in range(len(rows))]
-    over_ground = replace(over_ground, scaffold=np.stack(ground).astype(np.float16))
-    return rows[chosen_inputs(over_ground, 0, np.arange(1, len(rows)), count)]
-
-
-def _ground_depth(scene: Scene, view: int) -> Float[np.ndarray, "h w"]:
-    """Return the depth of the ground plane in a view, as far as a scaffold can tell; 0 where it shows none."""
-    rays = view_rays(scene, view, slab_bounds=False)
-    depth = scene.slab.meet(rays.origins, rays.directions, 0.0)
-    depth = np.where(np.isfinite(depth), np.minimum(depth, np.finfo(np.float16).max), 0.0)
-    return depth.reshape(scene.height_px, scene.width_px)
-
-
 def across(scene: Scene, frames: int) -> Float[np.ndarray, "f 4 4"]:
     """Return the poses of a straight flight along the longest line through the cameras, all looking one usual way."""
     eyes = scene.world_from_cam[:, :3, 3]
@@ -177,7 +151,7 @@ def _fly(head: Head, scene: Scene, config: PreviewConfig, out: Path, report: Cal
     shown, seen = [], []
     for number, frame in enumerate(frames):
         report(number)
-        view = head.predict(wider, int(frame), inputs_of(wider, int(frame), config.input_views))
+        view = head.predict(wider, int(frame), inputs_of(wider, int(frame), np.arange(len(scene)), config.input_views))
         shown.append(view.colour)
         seen.append(1.0 if view.seen is None else float(view.seen.mean()))
     video.save(shown, out / PREVIEW_FLIGHT, FRAMES_PER_SECOND)

@@ -15,6 +15,7 @@ from aug3d_core.dataset.projection import ground_points, middle_ground, shows
 from aug3d_core.dataset.scene import REAL, Scene
 from aug3d_core.geometry.transforms import homogeneous, invert, look_at
 from aug3d_core.novel.config import PredictionConfig
+from aug3d_core.novel.inputs import inputs_of, most_alike
 from aug3d_core.run.errors import InputError
 
 
@@ -29,7 +30,7 @@ class NovelView:
 
 
 def novel_view(scene: Scene, config: PredictionConfig) -> NovelView:
-    """Choose what the configuration leaves open: inputs near the view, or a view amid the inputs.
+    """Choose what the configuration leaves open: inputs that show the view, or a view amid the inputs.
 
     Raises InputError if a photograph is not in the scene, or if the inputs show nothing of the view's ground.
     """
@@ -50,7 +51,7 @@ def novel_view(scene: Scene, config: PredictionConfig) -> NovelView:
     _check_above_ground(scene, pose)
     seen_from = inputs if len(inputs) else photos
     wider, (target,) = with_views(scene, pose[None], intrinsics, seen_from)
-    inputs = inputs if len(inputs) else most_alike(wider, target, photos)[: config.input_views]
+    inputs = inputs if len(inputs) else inputs_of(wider, int(target), photos, config.input_views)
     wider = with_scaffold(wider, np.array([target]), inputs)
     return NovelView(wider, int(target), inputs, _ground_seen_share(wider, target, inputs))
 
@@ -72,14 +73,6 @@ def central(scene: Scene, photos: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"
     spots = np.stack([middle_ground(scene, int(view)) for view in photos])
     first = photos[np.argmin(np.linalg.norm(spots - np.median(spots, axis=0), axis=1))]
     return np.append(first, most_alike(scene, int(first), photos[photos != first]))
-
-
-def most_alike(scene: Scene, view: int, photos: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
-    """Order photographs by the share of a view's ground that they show, in whole percents; the nearer camera first."""
-    ground, reached = ground_points(scene, view)
-    percent = np.array([np.round(100 * (reached & shows(scene, int(photo), ground)).mean()) for photo in photos])
-    away = np.linalg.norm(scene.world_from_cam[photos, :3, 3] - scene.world_from_cam[view, :3, 3], axis=1)
-    return photos[np.lexsort((away, -percent))]
 
 
 def amid(scene: Scene, inputs: Int[np.ndarray, " v"]) -> Float[np.ndarray, "4 4"]:
