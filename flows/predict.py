@@ -48,7 +48,10 @@ def predict(
     ] = None,
     inputs: Annotated[
         str | None,
-        typer.Option(metavar="PHOTO,...", help="Photographs to predict from, by id or name. Default: the nearest."),
+        typer.Option(
+            metavar="PHOTO,...",
+            help="Photographs to predict from, by id or name. Default: those that together show most of the view.",
+        ),
     ] = None,
     like: Annotated[
         str | None, typer.Option(metavar="PHOTO", help="View the scene as this photograph does, without looking at it.")
