@@ -19,7 +19,8 @@ from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.geometry.views import Views
 
 _APART = 4  # candidates along a picture
-_MOST_PLACES = 1200
+_MOST_PLACES = 1200  # with each heading
+_SEED = 0
 _MOST_ASKED = 600  # views that may be asked for
 # Of the flight's height: a photograph then shows 1.4 times the ground, and views from the flight's height look past it less
 HIGHER = 1.2
@@ -48,7 +49,7 @@ class Advised:
 
 @dataclass(frozen=True)
 class Choice:
-    """advised: in order of rank. missing: share of the site before any of them and after each, one more than advised.
+    """advised: in order of rank. missing: of views that may be asked for, before any of them and after each, one more.
 
     before, after: what is missing of each sample of the site, 0 to 1; NaN where no view that may be asked for shows it.
     """
@@ -60,25 +61,31 @@ class Choice:
 
 
 def candidates(
-    site: Site, views: Views, higher: float = 1.0
+    site: Site, views: Views, bare: Float[np.ndarray, " s"], higher: float = 1.0
 ) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]:
     """Return where cameras may stand, and their yaw and pitch [degrees]: tilted and turned as the flight was.
 
-    higher: so many times as high above the ground as the flight was.
+    Of a large site, only where the ground about which they aim is barest. higher: so many times as high above the ground as
+    the flight was.
     """
     tilt, yaws = usual_look(views)
     wanted = site.area.middle(site.area.wanted)
-    low, high = wanted.min(axis=0), wanted.max(axis=0)
-    beyond = _BEYOND * site.picture
-    step = max(site.picture / _APART, float(np.sqrt(np.prod(high - low + 2 * beyond) / _MOST_PLACES)))
-    grid = np.stack(np.meshgrid(*(np.arange(a - beyond, b + beyond, step) for a, b in zip(low, high, strict=True))), -1)
-    grid = grid.reshape(-1, 2)
+    beyond, step = _BEYOND * site.picture, site.picture / _APART
+    ends = zip(wanted.min(axis=0), wanted.max(axis=0), strict=True)
+    grid = np.stack(np.meshgrid(*(np.arange(low - beyond, high + beyond, step) for low, high in ends)), -1).reshape(
+        -1, 2
+    )
     stand, turn = [], []
     for yaw in yaws:
         ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
-        aims = site.area.has(grid + ahead * site.height_flown(higher) * np.tan(np.radians(tilt)))
-        stand.append(site.flown(grid[aims], higher))
-        turn.append(np.tile([yaw, tilt - 90.0], (int(aims.sum()), 1)))
+        aims = grid + ahead * site.height_flown(higher) * np.tan(np.radians(tilt))
+        chosen = np.flatnonzero(site.area.has(aims))
+        if len(chosen) > _MOST_PLACES:
+            about = site.about(aims[chosen])
+            barest = np.argsort([-bare[here].mean() if len(here) else 0.0 for here in about], kind="stable")
+            chosen = np.sort(chosen[barest[:_MOST_PLACES]])
+        stand.append(site.flown(grid[chosen], higher))
+        turn.append(np.tile([yaw, tilt - 90.0], (len(chosen), 1)))
     return np.concatenate(stand), np.concatenate(turn)
 
 
@@ -102,18 +109,20 @@ def pose(xyz: Float[np.ndarray, " 3"], yaw_deg: float, pitch_deg: float) -> Floa
     return np.concatenate([rotation, (-rotation @ xyz)[:, None]], axis=1)
 
 
-def asked_for(site: Site, views: Views) -> tuple[Float[np.ndarray, "a 3"], Float[np.ndarray, "a 2"]]:
+def asked_for(
+    site: Site, views: Views, bare: Float[np.ndarray, " s"]
+) -> tuple[Float[np.ndarray, "a 3"], Float[np.ndarray, "a 2"]]:
     """Return views that may be asked for, as candidates: the flight's own kind, among its cameras.
 
     Where cameras enclose nothing, being all in a line, they are all that aim at the site.
     """
-    stand, turn = candidates(site, views)
+    stand, turn = candidates(site, views, bare)
     try:
         inside = Delaunay(centres(views.cam_from_world)[:, :2]).find_simplex(stand[:, :2]) >= 0
     except QhullError:
         inside = np.zeros(len(stand), bool)
     among = np.flatnonzero(inside) if inside.any() else np.arange(len(stand))
-    among = among[:: -(-len(among) // _MOST_ASKED)]
+    among = np.sort(np.random.default_rng(_SEED).permutation(among)[:_MOST_ASKED])
     return stand[among], turn[among]
 
 
@@ -134,10 +143,16 @@ def chosen(
             progress(what, len(looks), len(stand))
         return looks
 
-    stand, turn = candidates(site, views, HIGHER)
+    flown, seen = list[Look](), np.zeros(len(error))
+    for view in range(len(views)):
+        flown.append(look_of(site, views.cam_from_world[view], views.intrinsics[view], views.size[view]))
+        seen[flown[-1].sample] += flown[-1].counts
+        progress("photographs", view + 1, len(views))
+    bare = np.exp(-seen)
+    stand, turn = candidates(site, views, bare, HIGHER)
     looks = looks_of("places to stand", stand, turn)
-    asked = [look for look in looks_of("views to predict", *asked_for(site, views)) if len(look.sample)]
-    need = need_of(site, views, asked, error, lambda done, total: progress("photographs", done, total))
+    asked = [look for look in looks_of("views to predict", *asked_for(site, views, bare)) if len(look.sample)]
+    need = need_of(asked, flown, error)
     offered = [*offers(asked, looks)]
     gains = np.zeros((len(asked), len(looks)), np.float32)
     for view, offer in enumerate(offered):

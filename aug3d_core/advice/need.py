@@ -8,7 +8,7 @@ over views like the flight's own, all over it. Places weigh more where the model
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +17,8 @@ from jaxtyping import Float, Int
 from scipy.sparse import csc_array
 
 from aug3d_core.advice.site import Site
-from aug3d_core.geometry.views import Views
+from aug3d_core.domes.sight import Samples
+from aug3d_core.geometry.transforms import centres
 
 POOR = 0.5  # of a place missing: no photograph that counts, or hardly one
 _INPUTS = 3  # photographs that a view is predicted from
@@ -81,18 +82,8 @@ class Need:
         return np.exp(-(others[:, None] + counts)) @ weight / len(weight)
 
 
-def need_of(
-    site: Site,
-    views: Views,
-    asked: Sequence[Look],
-    error: Float[np.ndarray, " s"],
-    progress: Callable[[int, int], None],
-) -> Need:
+def need_of(asked: Sequence[Look], looks: Sequence[Look], error: Float[np.ndarray, " s"]) -> Need:
     """Return what is missing with the photographs that there are. error: of the model at each sample, 1 if as usual."""
-    looks = []
-    for view in range(len(views)):
-        looks.append(look_of(site, views.cam_from_world[view], views.intrinsics[view], views.size[view]))
-        progress(view + 1, len(views))
     need = Need(asked, error, [np.zeros((_INPUTS, len(look.sample)), np.float32) for look in asked])
     for view, offer in enumerate(offers(asked, looks)):
         for _ in range(min(_INPUTS, len(offer.photo))):
@@ -131,8 +122,10 @@ def look_of(
     size: Int[np.ndarray, " 2"],
 ) -> Look:
     """Return what a camera shows of a site."""
-    sample, depth, towards = site.samples.visible(site.surface, cam_from_world, intrinsics, size, _STEEPEST)
-    square = np.einsum("kx,kx->k", towards, site.samples.normal[sample]) / _SQUARE
+    around, every = site.around(centres(cam_from_world)), site.samples
+    samples = Samples(every.xyz[around], every.normal[around], every.triangle[around], every.limits)
+    sample, depth, towards = samples.visible(site.surface, cam_from_world, intrinsics, size, _STEEPEST)
+    square = np.einsum("kx,kx->k", towards, samples.normal[sample]) / _SQUARE
     fine = (_FINE * site.height / depth) ** 2
     counts = np.minimum(square, 1.0) * np.minimum(fine, 1.0)
-    return Look(sample, towards.astype(np.float32), counts.astype(np.float32))
+    return Look(around[sample], towards.astype(np.float32), counts.astype(np.float32))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt, median_filter
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import Delaunay, KDTree, QhullError
 
 from aug3d_core.domes.sight import Samples, spread_over
 from aug3d_core.geometry.ground_model import fit_ground
@@ -26,6 +27,7 @@ from aug3d_core.run.errors import InputError
 _CELLS, _MOST_CELLS = 20, 400  # along the ground of a picture; along the map
 _SEED = 0
 _MARGIN_SHARE = 0.2  # of the flight's height, where no metre is known
+_FAR = 3.0  # flight heights along the ground: what is farther from a camera counts for nothing
 _LAWFUL_M = 120.0  # above the ground, without a permit in most countries
 
 
@@ -74,6 +76,18 @@ class Site:
     floor: float
     lawful: float
 
+    @cached_property
+    def _across(self) -> KDTree:
+        return KDTree(self.samples.xyz[:, :2])
+
+    def around(self, at: Float[np.ndarray, " 3"]) -> Int[np.ndarray, " a"]:
+        """Return the samples that a camera may show finely enough to count, in order."""
+        return np.sort(np.array(self._across.query_ball_point(at[:2], _FAR * self.height), int))
+
+    def about(self, xy: Float[np.ndarray, "n 2"]) -> list[list[int]]:
+        """Return the samples within half a picture of each place."""
+        return self._across.query_ball_point(xy, self.picture / 2).tolist()
+
     def flown(self, xy: Float[np.ndarray, "*n 2"], higher: float = 1.0) -> Float[np.ndarray, "*n 3"]:
         """Return where to fly over places: so many times as high above the ground as before, never below the floor."""
         z = np.maximum(self.ground.height_at(xy) + self.height_flown(higher), self.floor)
@@ -93,7 +107,7 @@ def site_of(mesh: Mesh, views: Views, points_in_world: Float[np.ndarray, "p 3"],
     eyes, looks = centres(views.cam_from_world), forward(views.cam_from_world)
     height = float(np.median(eyes[:, 2] - ground.height_at(eyes[:, :2])))
     away = ground.meet(eyes, looks)
-    meets = np.isfinite(away) & (away < 3 * height)
+    meets = np.isfinite(away) & (away < _FAR * height)
     if not meets.any() or height <= 0:
         raise InputError("no photograph looks at the ground", "give photographs that look down")
     looked_at = (eyes + np.where(meets, away, 0.0)[:, None] * looks)[meets, :2]

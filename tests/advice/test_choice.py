@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aug3d_core.advice import choice
 from aug3d_core.advice.choice import HIGHER, Choice, asked_for, candidates, chosen, pose, usual_look
 from aug3d_core.advice.site import Site
 from aug3d_core.geometry.transforms import centres, forward
@@ -82,16 +83,27 @@ def test_where_the_model_errs_more_is_asked_for() -> None:
 
 def test_views_are_asked_for_among_the_photographs_also_in_a_gap_and_not_outside() -> None:
     flown = views(50.0)
-    (stand, _), (asked, turn) = candidates(site(50.0), flown), asked_for(site(50.0), flown)
+    bare = np.ones(len(site(50.0).samples.xyz))
+    (stand, _), (asked, turn) = candidates(site(50.0), flown, bare), asked_for(site(50.0), flown, bare)
     assert np.abs(stand[:, :2]).max() > 80 and np.abs(asked[:, :2]).max() <= 75 + 1e-6
     assert (np.abs(asked[:, :2]).max(axis=1) < 25).sum() >= 4
     assert len(turn) == len(asked) and np.allclose(asked[:, 2], HIGH_M, atol=0.5)
 
 
+def test_of_a_large_site_places_are_where_it_is_barest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choice, "_MOST_PLACES", 12)
+    bare = (np.abs(site().samples.xyz[:, :2] - [40, -30]).max(axis=1) < 25).astype(float)
+    stand, turn = candidates(site(), views(), bare)
+    assert len(stand) == len(turn) == 24
+    assert np.abs(stand[:, :2] - [40, -30]).max() < 32
+    assert np.abs(candidates(site(), views(), 1 - bare)[0][:, :2] - [40, -30]).max() > 50
+
+
 def test_where_photographs_lie_in_a_line_all_that_may_be_taken_is_asked_for() -> None:
     row = views()
     row = row.take(np.flatnonzero(np.abs(centres(row.cam_from_world)[:, 1]) < 1))
-    assert len(asked_for(site(), row)[0]) == len(candidates(site(), row)[0])
+    bare = np.ones(len(site().samples.xyz))
+    assert len(asked_for(site(), row, bare)[0]) == len(candidates(site(), row, bare)[0])
 
 
 @pytest.mark.parametrize(
@@ -109,7 +121,7 @@ def test_photographs_are_taken_from_a_little_higher_as_far_as_is_lawful(
 
 def test_no_candidate_stands_below_the_margin_or_looks_past_the_site() -> None:
     place = site(roof_m=80.0)
-    stand, turn = candidates(place, views())
+    stand, turn = candidates(place, views(), np.ones(len(place.samples.xyz)))
     assert (stand[:, 2] >= 95 - 1e-6).all() and (turn[:, 1] == -90).all()
     assert site().flown(np.zeros((1, 2)))[0, 2] == pytest.approx(HIGH_M, abs=0.2) and ROOF_M + 15 < HIGH_M
 

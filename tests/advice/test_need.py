@@ -19,8 +19,9 @@ def look(east_m: float, north_m: float = 0.0, high_m: float = HIGH_M, pitch_deg:
 
 
 def need(flown: Views, *asked: Look, error: np.ndarray | None = None) -> Need:
+    poses = zip(flown.cam_from_world, flown.intrinsics, flown.size, strict=True)
     error = np.ones(len(site().samples.xyz)) if error is None else error
-    return need_of(site(), flown, asked, error, lambda done, total: None)
+    return need_of(asked, [look_of(site(), *one) for one in poses], error)
 
 
 def nothing() -> Views:
