@@ -20,7 +20,7 @@ from aug3d_core.advice.site import Site
 from aug3d_core.domes.sight import Samples
 from aug3d_core.geometry.transforms import centres
 
-POOR = 0.5  # of a place missing: no photograph that counts, or hardly one
+POOR = 0.75  # of a place missing: no more counts than three photographs from 20 degrees beside would
 _INPUTS = 3  # photographs that a view is predicted from
 _NARROW = 40.0  # times 1 - cosine: from 13 degrees beside a direction one counts 1/e
 _STEEPEST, _SQUARE = 0.15, 0.5  # cosines to the normal: seen at all; seen as well as from above
