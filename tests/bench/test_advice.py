@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,15 @@ def test_every_way_takes_as_many_photographs_over_the_same_area_above_the_same_f
         centres(ways["advice"])[:, 2].min() - mesh().xyz[:, 2].max(), abs=0.01
     )
     assert len(np.unique(np.round(centres(ways["lines"]), 3), axis=0)) == MORE
+
+
+def test_every_way_is_flown_where_it_is_on_earth_not_in_the_scene(tmp_path: Path) -> None:
+    plan = plan_of(*write_scene(tmp_path, skipped_m=50.0), [], MORE, 15.0)
+    assert plan.origin is not None
+    raised = replace(plan, origin=plan.origin + np.array([0.0, 0.0, 10.0]))
+    low, high = (_ways(one, flown(), np.random.default_rng(0)) for one in (plan, raised))
+    for name in low:
+        assert np.allclose(centres(high[name]) - centres(low[name]), [0, 0, 10], atol=0.02), name
 
 
 def test_a_reconstruction_is_laid_over_the_truth_by_the_photographs_of_the_flight(tmp_path: Path) -> None:
