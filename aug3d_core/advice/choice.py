@@ -71,10 +71,8 @@ def candidates(
     tilt, yaws = usual_look(views)
     wanted = site.area.middle(site.area.wanted)
     beyond, step = _BEYOND * site.picture, site.picture / _APART
-    ends = zip(wanted.min(axis=0), wanted.max(axis=0), strict=True)
-    grid = np.stack(np.meshgrid(*(np.arange(low - beyond, high + beyond, step) for low, high in ends)), -1).reshape(
-        -1, 2
-    )
+    ends = zip(wanted.min(axis=0) - beyond, wanted.max(axis=0) + beyond, strict=True)
+    grid = np.stack(np.meshgrid(*(np.arange(*end, step) for end in ends)), axis=-1).reshape(-1, 2)
     stand, turn = [], []
     for yaw in yaws:
         ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
@@ -157,7 +155,7 @@ def chosen(
     gains = np.zeros((len(asked), len(looks)), np.float32)
     for view, offer in enumerate(offered):
         gains[view, offer.photo] = need.added(view, offer)
-    before, left = need.missing_at(), need.missing_at()
+    before = left = need.missing_at()
     missing, advised, taken = [need.missing], [], []
     for rank in range(1, count + 1):
         best = int(gains.sum(axis=0).argmax())
