@@ -29,13 +29,14 @@ _LEAST = 0.5  # of today's photographs: less would rest the larger part of a sce
 class Earlier:
     """An earlier model with today's ids, and what its cameras' corners lose.
 
-    files: of its output. was: photo ids there by those of today.
+    files: of its output. was: photo ids there by those of today. given: photographs it was made of, placed or not.
     """
 
     model: pycolmap.Reconstruction
     files: Path
     was: dict[int, int]
     falloffs: dict[int, Falloff | None]
+    given: int
 
     def images_as_they_are(self, grown: pycolmap.Reconstruction) -> dict[int, Path]:
         """Return the images that undistorting again would give, for their cameras have not changed."""
@@ -79,6 +80,7 @@ def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> E
                 files,
                 {new: old for old, new in now.items()},
                 {new: falloffs[old] for new, old in camera_was.items()},
+                len(was),
             )
     return best
 

@@ -61,10 +61,11 @@ def reconstruct(
     folder: Path,
     progress: Progress,
     start: pycolmap.Reconstruction | None = None,
+    still: bool = False,
 ) -> Mapped:
     """Map with the mapper that is asked for, or chosen; from `start`, a part of the scene, incrementally.
 
-    folder: where a killed incremental mapping left its segments, and finds them.
+    folder: where a killed incremental mapping left its segments, and finds them. still: what is in `start` does not move.
     """
     mapper, reason = choose_mapper(config.mapper, len(photos), float(np.mean(photos["focal_px"].notna())))
     if start is not None:
@@ -75,7 +76,8 @@ def reconstruct(
         def on_placed(placed: int) -> None:
             progress(min(placed, total), total, "photographs placed")
 
-        models = map_in_segments(_one_by_one(images, database, config.seed, start, on_placed), folder, start)
+        mapping = _one_by_one(images, database, config.seed, start, still, on_placed)
+        models = map_in_segments(mapping, folder, start)
     else:
         with tempfile.TemporaryDirectory(dir=database.parent) as scratch:
             if mapper == "global":
@@ -133,9 +135,15 @@ def choose_mapper(asked: str, photos: int, focal_known: float) -> tuple[str, str
 
 
 def _one_by_one(
-    images: Path, database: Path, seed: int, start: pycolmap.Reconstruction | None, on_placed: Callable[[int], None]
+    images: Path,
+    database: Path,
+    seed: int,
+    start: pycolmap.Reconstruction | None,
+    still: bool,
+    on_placed: Callable[[int], None],
 ) -> Mapping:
     options = _incremental_options(seed)
+    options.fix_existing_frames = still
     if start is not None:
         options.constant_cameras = set(start.cameras)
     return Mapping(images, database, options, on_placed)

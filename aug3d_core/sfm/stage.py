@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
 from aug3d_core.sfm.grow import find_earlier
-from aug3d_core.sfm.hold import hold
+from aug3d_core.sfm.hold import hold, why_all_move
 from aug3d_core.sfm.joint import Joint, weakest_joint
 from aug3d_core.sfm.mapping import Mapped, reconstruct
 from aug3d_core.sfm.matching_table import read_matching_table
@@ -56,22 +55,23 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     with tempfile.TemporaryDirectory(dir=out / MAPPING) as scratch:  # a killed try's goes with the rest of it
         database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
         may_be_one_spot = refuse_one_spot(database)
-        earlier = find_earlier(photos, database, inputs.get(EARLIER))
-        mapped = reconstruct(images, database, photos, config, out / MAPPING, progress, earlier and earlier.model)
+        earlier, marks = find_earlier(photos, database, inputs.get(EARLIER)), read_control_marks(inputs["photos"])
+        mapped, held, found = None, None, earlier and why_all_move(earlier, len(photos), marks is not None)
+        if earlier and not found:
+            about = out / MAPPING / "still"
+            mapped = reconstruct(images, database, photos, config, about, progress, earlier.model, still=True)
+            if mapped.models:
+                held, found = hold(mapped.models[0], earlier, photos, config.seed)
+        if not (mapped and held):
+            mapped = reconstruct(images, database, photos, config, out / MAPPING, progress, earlier and earlier.model)
     if not mapped.models:
         raise nothing_found(matching)
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
-    largest, marks = mapped.models[0], read_control_marks(inputs["photos"])
-    adjusted = cache(lambda: adjusted_as_it_was(largest))
-    held, found = None, None
-    if earlier and marks is None:
-        held, found = hold(largest, adjusted, earlier, photos, config.seed)
-    elif earlier:
-        found = "control points move all poses"
+    largest = mapped.models[0]
     if held:
         chosen, located, arrays = chosen_before(held.model, photos), held.located, held.arrays
     else:
-        chosen = chosen_before(adjusted(), photos) if earlier else choose_camera_model(largest, photos)
+        chosen = chosen_before(adjusted_as_it_was(largest), photos) if earlier else choose_camera_model(largest, photos)
         located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed), chosen)
     known = earlier.images_as_they_are(chosen.model) if earlier else {}
     falloffs = measure_falloffs(chosen.model, images, earlier.falloffs if earlier else {})

@@ -18,6 +18,8 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm import export
 from aug3d_core.sfm.files import FALLOFF
+from aug3d_core.sfm.grow import Earlier
+from aug3d_core.sfm.hold import why_all_move
 from aug3d_core.sfm.mapping import choose_mapper, parts_of
 from tests.engines.little_scene import FOCAL_PX, poses, write_flight
 from tests.engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
@@ -104,6 +106,15 @@ def test_earlier_photographs_move_where_new_ones_contradict_them(flown: Path, tm
     outcome = place(flown, tmp_path / "sfm", tmp_path / "earlier")
     assert (outcome["metrics"]["grown_from"], outcome["metrics"]["poses_kept"]) == (14, 0)
     assert worst_m(tmp_path / "sfm") < 0.15
+
+
+@pytest.mark.parametrize(
+    ("photos", "control", "why"),
+    [(18, False, ""), (19, False, "5 of 19 photographs are new"), (16, True, "control points move all poses")],
+)
+def test_earlier_photographs_move_where_much_is_new(flown: Path, photos: int, control: bool, why: str) -> None:
+    earlier = Earlier(pycolmap.Reconstruction(), flown / "before" / "files", {}, {}, given=14)
+    assert why_all_move(earlier, photos, control) == why
 
 
 @pytest.mark.parametrize("change", [{"metric": False}, {"up_from": "gravity"}, {"lat_deg": 1e-4}])
