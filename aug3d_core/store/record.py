@@ -12,6 +12,8 @@ from aug3d_core.run.errors import StoreError
 from aug3d_core.run.stage import Decision, Frozen, Metric, State
 from aug3d_core.store.seal import unsealed
 
+_GREW = ("photos_reused", "grown_from", "test_kept")  # metrics that count what was taken from an earlier object
+
 
 class FileEntry(Frozen):
     """One file of an object. Size and modification time are a quick check; the sha256 is the truth."""
@@ -55,6 +57,11 @@ class Record(Frozen):
     def size_bytes(self) -> int:
         """Bytes that the object's files occupy."""
         return sum(entry.size_bytes for entry in self.files.values())
+
+    @property
+    def grew(self) -> bool:
+        """Whether the object extends an earlier one, so that it cost less and may differ a little from one made anew."""
+        return any(self.metrics.get(name) for name in _GREW)
 
 
 def read_record(path: Path) -> Record:

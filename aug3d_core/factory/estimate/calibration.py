@@ -27,7 +27,6 @@ _NEWEST = 3  # records of a stage that count
 _ALIKE = 4.0  # times more or less work that is as good as the same
 _TOO_FAR = 3  # times so much further tells nothing
 _ENOUGH = 3  # stages that tell how fast a machine is with the others
-_GREW = ("photos_reused", "grown_from")  # metrics of a record that extended an earlier one, which costs less
 _REPEATS = 9
 _REFERENCE_S = 0.040  # what the fixed work took on the reference machine, processor seconds
 _MIB = 2**20
@@ -86,7 +85,7 @@ def calibration_by(samples: Sequence[Sample], *, timed: bool = True) -> Calibrat
     """Return what samples, newest first, tell of the machine that made them."""
     by_stage: dict[str, list[Told]] = {}
     for sample in samples:
-        if not any(sample.record.metrics.get(name) for name in _GREW):
+        if not sample.record.grew:  # that cost less
             by_stage.setdefault(sample.record.stage, []).append(told_by(sample))
     if len(by_stage) >= _ENOUGH:
         told = f"from {sum(map(len, by_stage.values()))} stages that this machine made"

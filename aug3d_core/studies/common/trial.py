@@ -17,7 +17,6 @@ from aug3d_core.run.stage import Decision, Metric, Stage, StageConfig
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
 
-_GREW = ("photos_reused", "grown_from", "test_kept")  # metrics of a stage that has extended an earlier result
 Say = Callable[[str, int, int, str], None]  # stage, done, total, what
 
 
@@ -86,7 +85,7 @@ def afresh(make: Make) -> Make:
     def make_afresh(visit: Visit) -> Built | None:
         assert visit.work
         built = make(replace(visit, work=replace(visit.work, stage=replace(visit.work.stage, grows=False))))
-        if built and any(built.record.metrics.get(name) for name in _GREW):
+        if built and built.record.grew:
             return make(replace(visit, work=visit.work.afresh()))
         return built
 
