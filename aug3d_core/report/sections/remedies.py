@@ -17,6 +17,6 @@ REMEDIES = {
     "holes": "Add photographs about the held-out ground (Map), or expect holes there: forest and water are holes in any mesh.",
     "renders": "Virtual views tells why renders were left out: mostly for holes of the mesh, which more overlap fills.",
     "leaks": "Do not quote the score before the check that failed is understood (Data set).",
-    "views": "Try --preset auto, longer training (--set training.steps=N), or photographs that overlap more.",
+    "views": "Try --preset auto. More photographs help most: aug3d advise SCENE tells from where.",
     "model": "Use the simpler answer. More held-out photographs decide what is open.",
 }
