@@ -105,7 +105,7 @@ def _added(earlier: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> 
         point = moved.point3D(point_id)
         if any(element.image_id not in kept for element in point.track.elements):
             _add_point(model, point)
-    _adjust(model, set(model.reg_image_ids()) - kept)
+    adjust_some(model, set(model.reg_image_ids()) - kept)
     return without_wrong_points(model)
 
 
@@ -122,11 +122,11 @@ def _freed(
         beside = Counter(element.image_id for track in tracks for element in track.elements)
         nearest = [image_id for image_id, _ in beside.most_common() if image_id in earlier]
         free |= {image.image_id, *nearest[:_BESIDE]}
-    _adjust(model, free)
+    adjust_some(model, free)
     return model
 
 
-def _adjust(model: pycolmap.Reconstruction, free: Set[int]) -> None:
+def adjust_some(model: pycolmap.Reconstruction, free: Set[int]) -> None:
     """Adjust some images and what they see, in place; all others stay, and hold it by what they see of it."""
     config = pycolmap.BundleAdjustmentConfig()
     for image_id in sorted(free):

@@ -19,7 +19,7 @@ from aug3d_core.run.files import EARLIER
 from aug3d_core.sfm import export
 from aug3d_core.sfm.files import FALLOFF
 from aug3d_core.sfm.grow import Earlier
-from aug3d_core.sfm.hold import why_all_move
+from aug3d_core.sfm.hold import adjust_some, why_all_move
 from aug3d_core.sfm.mapping import choose_mapper, parts_of
 from tests.engines.little_scene import FOCAL_PX, poses, write_flight
 from tests.engines.sfm_runs import loaded, run_sfm, run_stage, take_photos
@@ -106,6 +106,22 @@ def test_earlier_photographs_move_where_new_ones_contradict_them(flown: Path, tm
     outcome = place(flown, tmp_path / "sfm", tmp_path / "earlier")
     assert (outcome["metrics"]["grown_from"], outcome["metrics"]["poses_kept"]) == (14, 0)
     assert worst_m(tmp_path / "sfm") < 0.15
+
+
+def test_some_photographs_and_what_they_see_are_adjusted_and_nothing_else(flown: Path) -> None:
+    model = pycolmap.Reconstruction(flown / "before" / "files" / "model")
+    one, *others = export.registered(model)
+    seen = {point.point3D_id for point in one.get_observation_points2D()}
+    was = {point_id: point.xyz.copy() for point_id, point in model.points3D.items()}
+    poses_were = [image.cam_from_world().matrix().copy() for image in others]
+    rng = np.random.default_rng(0)
+    for point_id in seen:
+        model.point3D(point_id).xyz = was[point_id] + rng.normal(0, 0.05, 3)
+    adjust_some(model, {one.image_id})
+    moved = {point_id: np.linalg.norm(model.point3D(point_id).xyz - xyz) for point_id, xyz in was.items()}
+    assert np.median([moved[point_id] for point_id in seen]) < 0.005
+    assert not any(moved[point_id] for point_id in was.keys() - seen)
+    assert np.array_equal(poses_were, [image.cam_from_world().matrix() for image in others])
 
 
 @pytest.mark.parametrize(
