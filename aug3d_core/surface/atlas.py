@@ -9,6 +9,7 @@ manifold.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -40,22 +41,25 @@ class Atlas:
         """Coordinates from 0 to 1, v up."""
         return self.xy / (self.width, -self.height) + (0, 1)
 
-    def raster(self) -> tuple[Int[np.ndarray, "h w"], Float[np.ndarray, "h w 3"]]:
-        """Return for each texel's centre the triangle that it lies in (-1: none) and its barycentric weights."""
-        triangle = np.empty((self.height, self.width), np.int32)
-        weights = np.empty((self.height, self.width, 3), np.float32)
-        caster, band = self._caster(), max(1, RAYS // self.width)
-        for top in range(0, self.height, band):
-            x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(top, min(top + band, self.height)) + 0.5)
-            hits = _look_down(caster, np.stack([x, y], axis=-1))
-            triangle[top : top + band], weights[top : top + band] = hits.triangle, hits.weights
-        return triangle, weights
+    def triangle_of_texels(self) -> Int[np.ndarray, "h w"]:
+        """Return for each texel's centre the triangle that it lies in; -1: none."""
+        triangle = np.empty(self.height * self.width, np.int32)
+        for first in range(0, len(triangle), RAYS):
+            texel = np.arange(first, min(first + RAYS, len(triangle)))
+            triangle[texel] = self.hits(texel).triangle
+        return triangle.reshape(self.height, self.width)
+
+    def hits(self, texel: Int[np.ndarray, " p"]) -> Hits:
+        """Return what the centres of texels, by their number row by row, lie in: triangles and barycentric weights."""
+        row, column = np.divmod(texel, self.width)
+        return _look_down(self._caster, np.stack([column, row], axis=-1) + 0.5)
 
     def covered(self) -> Bool[np.ndarray, " t"]:
         """Tell which triangles lie under another of the texture."""
-        found = _look_down(self._caster(), self.xy.mean(axis=1)).triangle
+        found = _look_down(self._caster, self.xy.mean(axis=1)).triangle
         return (found >= 0) & (found != np.arange(len(self.xy)))
 
+    @cached_property
     def _caster(self) -> Raycaster:
         flat = np.concatenate([self.xy, np.zeros((*self.xy.shape[:2], 1))], axis=-1).reshape(-1, 3)
         return Raycaster(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3))
