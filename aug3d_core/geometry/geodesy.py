@@ -13,6 +13,16 @@ _F = 1 / 298.257223563
 _E2 = _F * (2 - _F)
 
 
+def middle_of(geodetic: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " k"]:
+    """Return the median of places (lat, lon, perhaps alt), on both sides of the 180th meridian too."""
+    lon = geodetic[:, 1]
+    beyond = np.ptp(lon) > 180
+    found = np.median(np.column_stack([geodetic[:, 0], lon % 360 if beyond else lon, geodetic[:, 2:]]), axis=0)
+    if beyond and found[1] > 180:
+        found[1] -= 360
+    return found
+
+
 def enu_from_geodetic(
     geodetic: Float[np.ndarray, "*n 3"], origin_geodetic: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, "*n 3"]:

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import sparse
 from scipy.spatial import KDTree
 
-from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.geodesy import enu_from_geodetic, middle_of
 from aug3d_core.look.glance import Glance
 from aug3d_core.look.neighbours import Step
 
@@ -88,7 +88,7 @@ def ground_of(photos: Sequence[Glance], steps: Sequence[Step]) -> Ground | None:
     level = np.where(np.isfinite(geodetic[:, 2]), geodetic[:, 2], _median(geodetic[:, 2]))
     geodetic = np.column_stack([geodetic[:, :2], np.nan_to_num(level)])
     enu_m = np.full((len(photos), 3), np.nan)
-    enu_m[known] = enu_from_geodetic(geodetic[known], np.median(geodetic[known], axis=0))
+    enu_m[known] = enu_from_geodetic(geodetic[known], middle_of(geodetic[known]))
     step_m = np.array([np.linalg.norm(b - a) for a, b in zip(enu_m[:-1, :2], enu_m[1:, :2], strict=True)])
     wild = _wild(enu_m, step_m)
     width_m = _width(steps, step_m)

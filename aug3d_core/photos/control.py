@@ -20,7 +20,7 @@ from rasterio.crs import CRS
 from rasterio.errors import CRSError
 from rasterio.warp import transform
 
-from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.geodesy import enu_from_geodetic, middle_of
 from aug3d_core.run.errors import InputError
 
 _CHECK = re.compile(r"ch(ec)?k", re.IGNORECASE)  # begins the name of a point that only judges
@@ -164,8 +164,8 @@ def _geodetic(file: Path, crs: CRS, marks: Sequence[Mark], photos: pd.DataFrame)
     xyz = np.array([mark.xyz for mark in marks]).reshape(-1, 3)
     places = _on_earth(crs, xyz)
     gps = photos[["lat_deg", "lon_deg"]].dropna().to_numpy(float)
-    middle = np.median(gps if len(gps) else places[:, :2], axis=0)
-    off_m = _distances_m(places, middle)
+    among = middle_of(gps if len(gps) else places[:, :2])
+    off_m = _distances_m(places, among)
     for mark, metres in zip(marks, off_m, strict=True):
         if not metres <= _FARTHEST_M:
             where = f"{metres / 1000:,.0f} km from" if math.isfinite(metres) else "outside of its projection, far from"
@@ -173,7 +173,7 @@ def _geodetic(file: Path, crs: CRS, marks: Sequence[Mark], photos: pd.DataFrame)
                 file,
                 mark.line,
                 f"the point lies {where} {'the GPS of the photographs' if len(gps) else 'the other points'}",
-                _instead(crs, np.array([mark.xyz]), middle) if len(gps) else "",
+                _instead(crs, np.array([mark.xyz]), among) if len(gps) else "",
             )
     places[:, 2] *= _height_unit(crs)[1]
     return places

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
-from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.geodesy import enu_from_geodetic, middle_of
 from aug3d_core.geometry.similarity import Similarity, fit_similarity
 from aug3d_core.geometry.transforms import centres
 
@@ -113,6 +113,11 @@ def marked_points(model: pycolmap.Reconstruction, control: pd.DataFrame) -> list
     return points
 
 
+def surveyed(model: pycolmap.Reconstruction, marks: pd.DataFrame | None) -> Survey | None:
+    """Return what marks of control points tell of a model; None without any."""
+    return None if marks is None else survey(marked_points(model, marks))
+
+
 def survey(points: list[Marked]) -> Survey:
     """Find the points, and the world that they tell."""
     found, notes, wrong_lines = [], [], []
@@ -129,7 +134,7 @@ def survey(points: list[Marked]) -> Survey:
                 "photographs show it: not used"
                 for i in np.flatnonzero(wrong)
             ]
-    origin = np.median([point.geodetic for point, _, _ in found], axis=0) if found else np.full(3, np.nan)
+    origin = middle_of(np.array([point.geodetic for point, _, _ in found])) if found else np.full(3, np.nan)
     in_model = np.array([place for _, place, _ in found]).reshape(-1, 3)
     told = Survey(None, origin, pd.DataFrame(), tuple(notes), tuple(wrong_lines))
     enu_m = surveyed_m(np.array([point.geodetic for point, _, _ in found]).reshape(-1, 3), told)

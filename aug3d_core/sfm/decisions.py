@@ -18,6 +18,7 @@ _UP = {
     "gps": "GPS altitudes fix the vertical well",
     "gravity": "from how the cameras hang and the ground lies",
 }
+_AS_BEFORE = "as in the earlier version"
 
 
 def matching_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
@@ -42,7 +43,7 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
             field="sfm.poses",
             value=f"{metrics['poses_kept']} kept as they were" if metrics["poses_kept"] else "all adjusted together",
             measured=metrics["poses_reason"],
-            rule="earlier ones stay if at most a quarter is new, and new photographs and GPS fit them with 1.1 times the error",
+            rule="earlier ones stay if at most a quarter is new, and new photographs and GPS fit them as well as others",
         )
     yield Decision(
         field="sfm.camera_model",
@@ -56,7 +57,7 @@ def sfm_decisions(metrics: Mapping[str, Any]) -> Iterator[Decision]:
         yield Decision(
             field="sfm.focal",
             value=f"{metrics['focal_px']:,.1f} px, {metrics['focal_source']}",
-            measured="photographs state none"
+            measured=(_AS_BEFORE if metrics.get("grown_from") else "photographs state none")
             if ratio is None
             else f"held-out error with that of EXIF is {ratio:.2f} times that with a fitted one, {moved:.2g} % off",
             rule="what photographs state, unless a fitted one gains half of what it moves, and 2 %",
@@ -101,4 +102,6 @@ def _held_out(metrics: Mapping[str, Any]) -> str:
         for name, error in metrics.items()
         if name.startswith(start) and name.endswith(end) and error is not None
     )
+    if not said and metrics.get("grown_from"):
+        return _AS_BEFORE
     return f"{said} px" if said else "nothing to tell it by: the simplest, or as given"

@@ -41,10 +41,10 @@ SFM = Stage(
     engines=("pillow", "pycolmap", "scipy"),
     accuracy="reprojection_px",
     metrics=declared(
-        higher="registered registered_share track_length_mean",
+        higher="registered registered_share track_length_mean photos_fit_median",
         lower=(
             "reprojection_px gps_residual_m_median focal_exif_over_refined_error control_error_*_m check_error_*_m "
-            "control_left_out_m_*"
+            "control_left_out_m_* photos_contradicted"
         ),
         neither=(
             "photos points observations camera_height_m_median up_from doming_pct doming_sigma_pct "

@@ -80,7 +80,8 @@ def fit_falloff(
     """
     views = int(view.max(initial=-1)) + 1
     order = np.lexsort((view, point))
-    order = order[(grey[order] > _DARK) & (grey[order] < _BRIGHT)]
+    # No light has a ray beyond where a wide lens folds the picture over
+    order = order[(grey[order] > _DARK) & (grey[order] < _BRIGHT) & np.isfinite(off_axis[order])]
     point, view, grey = point[order], view[order], grey[order]
     place = (off_axis[order] / corner) ** 2
     first = np.flatnonzero(point[1:] == point[:-1])  # each with the next that shows the same point

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,12 +39,20 @@ class Earlier:
     falloffs: dict[int, Falloff | None]
     given: int
 
-    def images_as_they_are(self, grown: pycolmap.Reconstruction) -> dict[int, Path]:
+    @property
+    def known_falloffs(self) -> dict[int, Falloff]:
+        """The falloffs that points told, by camera."""
+        return {camera: falloff for camera, falloff in self.falloffs.items() if falloff}
+
+    def images_as_they_are(
+        self, grown: pycolmap.Reconstruction, falloffs: Mapping[int, Falloff | None]
+    ) -> dict[int, Path]:
         """Return the images that undistorting again would give, for their cameras have not changed."""
         same = {
             image.name
             for image in (self.model.image(image_id) for image_id in self.model.reg_image_ids())
             if np.array_equal(self.model.camera(image.camera_id).params, grown.camera(image.camera_id).params)
+            and falloffs[image.camera_id] == self.falloffs[image.camera_id]
         }
         folder = self.files / VIEW_IMAGES
         return {now: folder / image_name(was) for now, was in self.was.items() if image_name(now) in same}

@@ -20,20 +20,26 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pycolmap
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from aug3d_core.geometry.rows import Rows
 from aug3d_core.geometry.similarity import Similarity, fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, project
+from aug3d_core.geometry.views import Views
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment
 from aug3d_core.sfm.camera_model import adjustment_options, without_wrong_points
+from aug3d_core.sfm.control import surveyed
+from aug3d_core.sfm.control_adjustment import Adjusted
+from aug3d_core.sfm.doming import Doming
 from aug3d_core.sfm.files import WORLD
 from aug3d_core.sfm.grow import Earlier
-from aug3d_core.sfm.write import Located, by_gps, gps_about
+from aug3d_core.sfm.straighten import sure_bend
+from aug3d_core.sfm.write import Located, believed, by_gps, gps_about
 
 _MOST_NEW = 0.25  # of the photographs: more tell the poses of the others better than these did by themselves
 _ASKED, _BESIDE = 12, 6  # new photographs that are asked whether they fit, and earlier ones beside each
+_CONTROL = "control points move all poses"
 _FITS, _AS_WELL = 1.05, 1.1  # times an error, that of new photographs and that of GPS, that earlier poses may cost
 
 
@@ -49,16 +55,19 @@ class Held:
 def why_all_move(earlier: Earlier, photos: int, control: bool) -> str:
     """Return why the earlier poses cannot stay in a scene of so many photographs, "" if they may. control: it has points."""
     if control:
-        return "control points move all poses"
+        return _CONTROL
     new = photos - earlier.given
     return f"{new} of {photos} photographs are new" if new > _MOST_NEW * photos else ""
 
 
-def hold(grown: pycolmap.Reconstruction, earlier: Earlier, photos: pd.DataFrame, seed: int) -> tuple[Held | None, str]:
+def hold(
+    grown: pycolmap.Reconstruction, earlier: Earlier, photos: pd.DataFrame, marks: pd.DataFrame | None, seed: int
+) -> tuple[Held | None, str]:
     """Return the earlier model with the new photographs of the grown one and what these see, and what was found.
 
-    Nothing of the earlier model moves. None where new photographs or GPS contradict the earlier poses, or where GPS now tells a
-    world that it did not tell before. grown: mapped about the earlier poses. photos: the whole table.
+    Nothing of the earlier model moves. None where new photographs or GPS contradict the earlier poses, or where a world or
+    a bend is told that was not told before. grown: mapped about the earlier poses. photos: the whole table.
+    marks: of control points, which move all poses where they tell a world.
     """
     now, before = export.to_arrays(grown), earlier.arrays()
     new = np.setdiff1d(now.views.photo_id, before.views.photo_id)
@@ -76,11 +85,16 @@ def hold(grown: pycolmap.Reconstruction, earlier: Earlier, photos: pd.DataFrame,
     )
     if times > _FITS:
         return None, found
+    told = surveyed(grown, marks)
+    if told and told.world_from_model:
+        return None, _CONTROL
     world = by_gps(now, photos, np.random.default_rng(seed))
     located = _where_it_was(json.loads((earlier.files / WORLD).read_text()), world, arrays, photos)
     if located is None:
         return None, f"{found}, but GPS tells another world than before"
-    return Held(model, located, arrays), found
+    if bend := _new_bend(arrays.views, before.views, believed(located.alignment, photos)):
+        return None, f"{found}, but {bend.told_by} now tell a bend of {bend.pct:+.2g} % of the flight's extent"
+    return Held(model, replace(located, control=told and Adjusted(told, False)), arrays), found
 
 
 def _added(earlier: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
@@ -183,6 +197,13 @@ def _off_px(arrays: export.Arrays, photo_id: Int[np.ndarray, " m"]) -> float:
         off_px.append(np.linalg.norm(there - tracks.xy[seen], axis=1))
     found_px = np.concatenate(off_px)
     return float(np.median(found_px)) if len(found_px) else 0.0
+
+
+def _new_bend(now: Views, before: Views, gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
+    """Return the bend that is surely told now, and was not by the earlier photographs alone: what they told is taken out, or
+    photographs contradict it. gps_enu_m: by photo id."""
+    bend = sure_bend(now.cam_from_world, gps_enu_m[now.photo_id])
+    return bend and (None if sure_bend(before.cam_from_world, gps_enu_m[before.photo_id]) else bend)
 
 
 def _where_it_was(

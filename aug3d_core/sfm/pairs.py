@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
-from aug3d_core.geometry.geodesy import enu_from_geodetic
+from aug3d_core.geometry.geodesy import enu_from_geodetic, middle_of
 from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.coarse import ALIKE, Look
 from aug3d_core.sfm.config import MatchingConfig
@@ -210,7 +210,7 @@ def gps_positions(photos: pd.DataFrame) -> tuple[Float[np.ndarray, "n 3"], Float
     measured = np.isfinite(geodetic[:, 2])
     median_alt = np.median(geodetic[located & measured, 2]) if (located & measured).any() else 0.0
     geodetic[located & ~measured, 2] = median_alt  # east and north hardly depend on it
-    origin = np.median(geodetic[located], axis=0)
+    origin = middle_of(geodetic[located])
     enu = enu_from_geodetic(geodetic, origin)
     enu[~measured, 2] = np.nan
     return enu, origin

@@ -17,6 +17,7 @@ from aug3d_core.sfm import export
 from aug3d_core.sfm.camera_falloffs import measure_falloffs
 from aug3d_core.sfm.camera_model import Chosen, adjusted_as_it_was, choose_camera_model, chosen_before
 from aug3d_core.sfm.config import SfmConfig
+from aug3d_core.sfm.control import surveyed
 from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
 from aug3d_core.sfm.grow import find_earlier
@@ -56,12 +57,17 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
         may_be_one_spot = refuse_one_spot(database)
         earlier, marks = find_earlier(photos, database, inputs.get(EARLIER)), read_control_marks(inputs["photos"])
-        mapped, held, found = None, None, earlier and why_all_move(earlier, len(photos), marks is not None)
+        told = earlier and surveyed(earlier.model, marks)
+        mapped, held, found = (
+            None,
+            None,
+            earlier and why_all_move(earlier, len(photos), bool(told and told.world_from_model)),
+        )
         if earlier and not found:
             about = out / MAPPING / "still"
             mapped = reconstruct(images, database, photos, config, about, progress, earlier.model, still=True)
             if mapped.models:
-                held, found = hold(mapped.models[0], earlier, photos, config.seed)
+                held, found = hold(mapped.models[0], earlier, photos, marks, config.seed)
         if not (mapped and held):
             mapped = reconstruct(images, database, photos, config, out / MAPPING, progress, earlier and earlier.model)
     if not mapped.models:
@@ -73,8 +79,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     else:
         chosen = chosen_before(adjusted_as_it_was(largest), photos) if earlier else choose_camera_model(largest, photos)
         located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed), chosen)
-    known = earlier.images_as_they_are(chosen.model) if earlier else {}
-    falloffs = measure_falloffs(chosen.model, images, earlier.falloffs if earlier else {})
+    falloffs = measure_falloffs(chosen.model, images, earlier.known_falloffs if earlier else {})
+    known = earlier.images_as_they_are(chosen.model, falloffs) if earlier else {}
     write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, falloffs, known)
     shutil.rmtree(out / MAPPING, ignore_errors=True)
     _refuse_short_baseline(arrays)

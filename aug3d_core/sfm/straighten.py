@@ -48,16 +48,12 @@ def straighten(
     without; a straightened model is then in it.
     """
     poses = world.move_cameras(export.poses(model))
-    at = centres(poses)
-    fit = fit_altitudes(at, gps_enu_m)
-    told = _told(fit, poses)
-    if len(told) == 2 and told[0].contradicts(told[1]):
-        return None
-    worth = [one for one in told if one.sure and abs(one.pct) > _WORTH_PCT]
-    bend = min(worth, key=lambda one: one.sigma_pct, default=None)
+    bend = sure_bend(poses, gps_enu_m)
     if bend is None:
         return None
-    places = _by_gps(at, gps_enu_m, fit) if fit and bend is fit.doming else _unbent(at, bend)
+    at = centres(poses)
+    fit = fit_altitudes(at, gps_enu_m)
+    places = _by_gps(at, gps_enu_m, fit) if fit and bend == fit.doming else _unbent(at, bend)
     straight = pycolmap.Reconstruction(model)
     for camera in straight.cameras.values():
         if camera.model_name == SIMPLEST:  # what a second radial term would hide as a bend
@@ -69,6 +65,15 @@ def straighten(
     take_over(model, straight)
     without_wrong_points(model)
     return bend
+
+
+def sure_bend(poses: Float[np.ndarray, "n 3 4"], gps_enu_m: Float[np.ndarray, "n 3"]) -> Doming | None:
+    """Return the bend of poses in the world that is sure, and worth taking out; None where nothing tells one."""
+    told = _told(fit_altitudes(centres(poses), gps_enu_m), poses)
+    if len(told) == 2 and told[0].contradicts(told[1]):
+        return None
+    worth = [one for one in told if one.sure and abs(one.pct) > _WORTH_PCT]
+    return min(worth, key=lambda one: one.sigma_pct, default=None)
 
 
 def _believable(

@@ -21,7 +21,7 @@ from aug3d_core.run.stage import Metric
 from aug3d_core.sfm import export
 from aug3d_core.sfm.align import Alignment, align, align_to_control
 from aug3d_core.sfm.camera_model import EXIF, Chosen
-from aug3d_core.sfm.control import Survey, marked_points, survey
+from aug3d_core.sfm.control import Survey, surveyed
 from aug3d_core.sfm.control_adjustment import Adjusted, adjust_to_control
 from aug3d_core.sfm.doming import Doming, measure_doming
 from aug3d_core.sfm.falloff import Falloff, write_falloffs
@@ -81,7 +81,7 @@ def align_model(
     poses move as a whole.
     """
     placed = [export.photo_id(image) for image in export.registered(model)]
-    told = None if marks is None else survey(marked_points(model, marks))
+    told = surveyed(model, marks)
     if marks is not None and told and told.world_from_model:
         _move(model, told.world_from_model)
         control = adjust_to_control(model, marks, told) if chosen else Adjusted(told, False)
@@ -93,7 +93,7 @@ def align_model(
         arrays, taken_out = export.to_arrays(model), None
         alignment, origin = by_gps(arrays, photos, rng), gps_positions(photos)[1]
         if chosen:
-            gps_enu_m = _believed(alignment, photos)[placed]
+            gps_enu_m = believed(alignment, photos)[placed]
             taken_out = straighten(model, gps_enu_m, alignment.world_from_model, chosen.focal_from != EXIF)
         if taken_out:
             arrays = export.to_arrays(model)
@@ -183,7 +183,7 @@ def _median(values: Float[np.ndarray, " n"]) -> float | None:
     return float(np.nanmedian(values)) if np.isfinite(values).any() else None
 
 
-def _believed(alignment: Alignment, photos: pd.DataFrame) -> Float[np.ndarray, "n 3"]:
+def believed(alignment: Alignment, photos: pd.DataFrame) -> Float[np.ndarray, "n 3"]:
     """Return the positions of all photographs by GPS, NaN where there is none, or none that fits."""
     gps_enu_m = gps_positions(photos)[0]
     return gps_enu_m if alignment.metric else np.full_like(gps_enu_m, np.nan)
@@ -192,7 +192,7 @@ def _believed(alignment: Alignment, photos: pd.DataFrame) -> Float[np.ndarray, "
 def flight_doming(arrays: export.Arrays, located: Located, photos: pd.DataFrame) -> Doming | None:
     """Return the bend of the reconstructed flight by what tells it best, None where nothing does."""
     poses = arrays.views.cam_from_world
-    gps_enu_m = _believed(located.alignment, photos)[arrays.views.photo_id]
+    gps_enu_m = believed(located.alignment, photos)[arrays.views.photo_id]
     found = [doming_by_gimbal(poses), measure_doming(centres(poses), gps_enu_m)]
     return min((one for one in found if one), key=lambda one: one.sigma_pct, default=None)
 

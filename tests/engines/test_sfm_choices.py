@@ -108,6 +108,15 @@ def test_earlier_photographs_move_where_new_ones_contradict_them(flown: Path, tm
     assert worst_m(tmp_path / "sfm") < 0.15
 
 
+def test_a_lens_that_could_not_be_told_before_is_measured_when_the_scene_has_grown(flown: Path, tmp_path: Path) -> None:
+    earlier = tmp_path / "earlier" / "00"
+    shutil.copytree(flown / "before" / "files", earlier)
+    assert json.loads((earlier / FALLOFF).read_text()).keys() == {"1"}
+    (earlier / FALLOFF).write_text(json.dumps({"1": None}))
+    metrics = place(flown, tmp_path / "sfm", tmp_path / "earlier")["metrics"]
+    assert metrics["poses_kept"] == 14 and metrics["corner_light"] is not None
+
+
 def test_some_photographs_and_what_they_see_are_adjusted_and_nothing_else(flown: Path) -> None:
     model = pycolmap.Reconstruction(flown / "before" / "files" / "model")
     one, *others = export.registered(model)

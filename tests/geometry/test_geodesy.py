@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
+from aug3d_core.geometry.geodesy import enu_from_geodetic, geodetic_from_enu, middle_of
 
 LAT = st.floats(-89, 89)
 LON = st.floats(-180, 180)
@@ -43,3 +43,15 @@ def test_degrees_have_their_published_lengths(
 def test_up_is_altitude() -> None:
     origin = np.array([46.8, -92.0, 180.0])
     np.testing.assert_allclose(enu_from_geodetic(origin + np.array([0, 0, 25.0]), origin), [0, 0, 25], atol=1e-8)
+
+
+@pytest.mark.parametrize("lon", [-180.0, 179.9999, -179.9999, 0.0, 21.0])
+def test_the_middle_of_places_lies_among_them_wherever_they_are(lon: float) -> None:
+    east, north = np.meshgrid(np.linspace(-300, 300, 6), np.linspace(-200, 200, 4))
+    enu = np.column_stack([east.ravel(), north.ravel(), np.full(east.size, 50.0)])
+    origin = np.array([65.5, lon, 10.0])
+    places = geodetic_from_enu(enu, origin)
+    for order in (places, places[::-1]):
+        np.testing.assert_allclose(enu_from_geodetic(middle_of(order), origin), [0, 0, 50], atol=1.0)
+    np.testing.assert_allclose(enu_from_geodetic(places, middle_of(places)), enu - [0, 0, 50], atol=1.0)
+    assert abs(middle_of(places)[1]) <= 180 and np.array_equal(middle_of(places[:, :2]), middle_of(places)[:2])

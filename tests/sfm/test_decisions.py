@@ -24,6 +24,13 @@ def test_the_lens_is_reported_with_the_errors_that_speak_for_it() -> None:
     assert found["sfm.up"].value == "gravity"
 
 
+def test_a_grown_scene_has_the_lens_that_it_had() -> None:
+    grown = {"grown_from": 14, "poses_kept": 14, "poses_reason": "", "focal_source": "exif"}
+    grown |= {"focal_exif_over_refined_error": None, "focal_moved_share": None}
+    found = {one.field: one.measured for one in sfm_decisions(_PLACED | grown)}
+    assert found["sfm.focal"] == found["sfm.camera_model"] == "as in the earlier version"
+
+
 def test_given_poses_leave_lens_and_vertical() -> None:
     assert [one.field for one in sfm_decisions(_PLACED)] == ["sfm.camera_model", "sfm.up"]
 

@@ -71,6 +71,13 @@ def test_what_is_too_dark_or_too_bright_to_differ_has_no_say():
     assert found is not None and found.corner_light == pytest.approx(np.exp(-0.3), abs=0.02)
 
 
+def test_a_pixel_without_a_ray_has_no_say():
+    point, view, grey, off_axis = flight(lambda s: np.exp(-0.3 * s))
+    more = (np.append(values, values[:5]) for values in (point, view, grey))
+    folded = np.append(off_axis, np.full(5, np.nan))
+    assert fit_falloff(*more, folded, CORNER) == fit_falloff(point, view, grey, off_axis, CORNER)
+
+
 def test_the_order_of_observations_has_no_say():
     told = flight(lambda s: np.exp(-0.3 * s))
     shuffled = np.random.default_rng(0).permutation(len(told[0]))
