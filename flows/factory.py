@@ -76,9 +76,9 @@ def make_version(
     """Make a version of a scene, within a flow; returns the content of its `metrics.json`.
 
     A small scene is made in folds, from the split on, and tested on all of them. before: the objects of an earlier version
-    by step, to say why a step is built again. plan: what a look at the store found just before. since: what had been asked
-    of the shared store when the run began. The typed error of a failed stage is raised after everything done before it has
-    been recorded.
+    by step, to reuse their work, and to say why a step is built again. plan: what a look at the store found just before.
+    since: what had been asked of the shared store when the run began. The typed error of a failed stage is raised after
+    everything done before it has been recorded.
     """
     made: list[Visit] = []
     started = time.monotonic()
@@ -89,7 +89,7 @@ def make_version(
         make = with_help(store, make)
     known = {visit.step.name: visit for visit in plan}
     try:
-        for visit in walk(store, material.stages(), config, material, make, plan=known):
+        for visit in walk(store, material.stages(), config, material, make, plan=known, before=before):
             made.append(visit)
             progress.finished(visit)
             artifacts.publish(store, visit)

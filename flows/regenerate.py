@@ -24,6 +24,7 @@ from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.run.errors import Aug3dError, UsageError, shown
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
+from aug3d_core.store import layout
 from aug3d_core.store.published import held_back, publish, published
 from aug3d_core.store.scenes import bring_versions, records_before, records_of, version_metrics
 from aug3d_core.store.store import Store
@@ -152,7 +153,10 @@ def _make(
 def _publish(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig, metrics: Mapping[str, Any]) -> State:
     """Publish a version if the publish rule allows it; return the state that tells the result."""
     bring_versions(store, scene)  # another machine may have published one while this was made
-    version, last = Path(metrics["paths"]["metrics"]).parent, published(store, scene)
+    name = Path(
+        metrics["paths"]["metrics"]
+    ).parent.name  # made perhaps by another machine, or before the home was moved
+    version, last = store.root / layout.SCENES / scene / name, published(store, scene)
     compared = beside_published(store, metrics, records_of(store, metrics))
     if compared:
         artifacts.publish_comparison(compared)

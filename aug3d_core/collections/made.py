@@ -16,6 +16,7 @@ from aug3d_core.run.errors import Aug3dError, InputError, StageFailed, UsageErro
 from aug3d_core.run.stage import Stage, StageConfig
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.record import Record
+from aug3d_core.store.scenes import records_before
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Object, named
 
@@ -165,7 +166,8 @@ def _scene(
         material = material_of(name, entry)
         member.made_up = material.photos is None
         stages = material.stages()
-        for visit in walk(store, stages[: stages.index(DATASET) + 1], entry.config(), material, make):
+        before = records_before(store, name)
+        for visit in walk(store, stages[: stages.index(DATASET) + 1], entry.config(), material, make, before=before):
             if visit.record is None:
                 continue
             member.steps.append(visit.record)

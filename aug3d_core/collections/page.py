@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ def report(store: Store, metrics: Mapping[str, Any], made: MadeCollection) -> st
         f"training {duration(training['cpu_seconds'] or 0)} of processor time, {training['peak_mib']:.0f} MiB",
     ]
     parts = [tag("h1", f"Collection {metrics['collection']}"), tag("p", "; ".join(facts) + ".")]
-    parts += [tag("p", f"Note: {note}.", class_="note") for note in metrics["notes"]]
+    parts += [tag("p", escape(f"Note: {note}."), class_="note") for note in metrics["notes"]]
     parts += [tag("h2", "Held-out photographs, scene by scene"), _scores(metrics["tests"])]
     trouble = {name: one["trouble"] for name, one in metrics["scenes"].items() if "trouble" in one} | metrics[
         "untested"
@@ -72,4 +73,4 @@ def _scores(tests: Mapping[str, Mapping[str, Any]]) -> str:
 
 def write(store: Store, metrics: Mapping[str, Any], made: MadeCollection, path: Path) -> None:
     """Write the page."""
-    path.write_text(report(store, metrics, made))
+    path.write_text(report(store, metrics, made), encoding="utf-8")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import re
 import tempfile
 from pathlib import Path
 
@@ -39,7 +42,7 @@ def fuse(workspace: Path, views: Views, chosen: list[int]) -> Fused:
     # Else all maps are in memory at once, 60 MB for a photograph of `paper`; the points are the same
     options.use_cache = True
     options.cache_size = CACHE_SHARE * min(psutil.virtual_memory().available, total_bytes()) / 2**30
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=workspace) as folder:  # on the disk that is watched
         ply = Path(folder) / "fused.ply"
         pycolmap.stereo_fusion(ply, workspace, input_type="geometric", options=options, output_type="ply")
         points = _read_ply(ply)
@@ -51,10 +54,15 @@ def _points(points: np.ndarray, views: UInt8[np.ndarray, " n"]) -> Fused:
 
 
 def _read_ply(path: Path) -> np.ndarray:
-    """Read the one layout that COLMAP writes: float32 position and normal, 8-bit colour, little endian."""
-    data = path.read_bytes()
-    end = data.index(b"end_header\n") + len(b"end_header\n")
-    return np.frombuffer(data, _POINT, offset=end)
+    """Read the one layout that COLMAP writes: float32 position and normal, 8-bit colour, little endian.
+
+    Raises OSError if it is cut short: COLMAP says nothing of a full disk.
+    """
+    head, _, points = path.read_bytes().partition(b"end_header\n")
+    told = re.search(rb"element vertex (\d+)", head)
+    if told is None or len(points) != int(told[1]) * _POINT.itemsize:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    return np.frombuffer(points, _POINT)
 
 
 def _read_counts(path: Path, points: int) -> UInt8[np.ndarray, " n"]:

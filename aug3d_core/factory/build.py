@@ -27,13 +27,17 @@ _MOST_EARLIER = 8  # outputs of a stage's recipe that it may look at for work to
 
 @dataclass(frozen=True)
 class Work:
-    """An object to be built. The key and the recipe in it are computed once, here."""
+    """An object to be built. The key and the recipe in it are computed once, here.
+
+    before: the scene's own object of the step before this run, whose work may be reused; it does not change the key.
+    """
 
     stage: Stage
     config: StageConfig
     sources: Mapping[str, Source]
     recipe: str
     key: str
+    before: Record | None = None
 
     @property
     def input_digests(self) -> dict[str, str]:
@@ -175,7 +179,8 @@ def _prepare(store: Store, work: Work, folder: Path) -> Job:
     folder.mkdir(parents=True, exist_ok=True)
     inputs = {name: source.path for name, source in work.sources.items()}
     if work.stage.grows:
-        inputs[EARLIER] = _link_earlier(store.made_by(work.stage.name, work.recipe, _MOST_EARLIER), folder)
+        earlier = store.made_by(work.stage.name, work.recipe, _MOST_EARLIER, work.before)
+        inputs[EARLIER] = _link_earlier(earlier, folder)
     config = work.config.model_dump(mode="json")
     job = Job(stage=work.stage.name, entry=work.stage.entry, config=config, inputs=inputs)
     write_synced(folder / JOB, sealed(job.model_dump(mode="json")))

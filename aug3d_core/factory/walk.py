@@ -7,7 +7,7 @@ what happens with the work: build it, have a Prefect task build it, or only look
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from aug3d_core.factory.auto.settle import settle
 from aug3d_core.factory.build import Built, Work, work_of
@@ -53,13 +53,14 @@ def walk(
     make: Make,
     given: Mapping[str, Record] | None = None,
     plan: Mapping[str, Visit] | None = None,
+    before: Mapping[str, Record] | None = None,
     folds: bool = True,
 ) -> Iterator[Visit]:
     """Visit the steps of a run in order, each after what it reads; what `make` raises ends the walk.
 
     given: objects that are there already, by stage. plan: an earlier walk by step: its keys are not computed again unless an
-    object is not what it found. folds: visit the later folds of a small scene too; otherwise
-    the grouping's own fold alone.
+    object is not what it found. before: what the scene's last version is made of, by step, whose work may be reused.
+    folds: visit the later folds of a small scene too; otherwise the grouping's own fold alone.
     """
     records = dict(given or {})
     stages = tuple(stages)
@@ -67,6 +68,8 @@ def walk(
         visit = (plan or {}).get(step.name)
         if visit is None or visit.work is None:
             visit = _visit(store, step, config, {**(given or {}), **seen_from(step, stages, records)}, material, folds)
+        if visit.work is not None and before:
+            visit = replace(visit, work=replace(visit.work, before=before.get(step.name)))
         if visit.work is not None and (built := make(visit)):
             records[step.name] = built.record
             if visit.built and visit.built.record.digest != built.record.digest:

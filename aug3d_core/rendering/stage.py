@@ -55,6 +55,8 @@ def run(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) 
 def assist(inputs: Inputs, config: RenderingConfig, out: Path, progress: Progress) -> Outcome:
     """Render views that are not there yet."""
     cameras = read_cameras(inputs["sampling"] / CAMERAS)
+    if not len(cameras["view_id"]):
+        return Outcome(metrics={"views": 0})
     (out / SHARDS).mkdir(parents=True, exist_ok=True)
     job, _ = _planned(inputs, config, cameras, out / SHARDS, progress)
     job = job.model_copy(update={"shards": tuple(from_elsewhere(job.shards))})

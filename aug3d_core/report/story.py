@@ -5,13 +5,14 @@ Each study leaves its part of the story beside its own page; the newest of each 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from aug3d_core.report.front_html import script
 from aug3d_core.report.html import page, tag
@@ -43,7 +44,7 @@ class Part(Frozen):
 def tell(store: Store, folder: Path, part: Part) -> Path:
     """Leave a study's part in its folder, and write the story anew; returns the story's file."""
     write_synced(folder / layout.STUDY_PART, part.model_dump_json().encode())
-    parts = {path.parent: Part.model_validate_json(path.read_bytes()) for path in _parts(store)}
+    parts = dict(_parts(store))
     out = store.root / layout.STUDIES / layout.STORY
     write_synced(out, _story(newest(parts), out.parent).encode())
     return out
@@ -55,8 +56,11 @@ def newest(parts: Mapping[Path, Part]) -> dict[Path, Part]:
     return dict(found[about] for about in sorted(found))
 
 
-def _parts(store: Store) -> Iterable[Path]:
-    return (store.root / layout.STUDIES).glob(f"*/*/{layout.STUDY_PART}")
+def _parts(store: Store) -> Iterator[tuple[Path, Part]]:
+    """Yield the folder and the part of each study; what is damaged, or of another version of aug3d, is passed over."""
+    for path in (store.root / layout.STUDIES).glob(f"*/[!.]*/{layout.STUDY_PART}"):
+        with suppress(ValidationError, OSError):
+            yield path.parent, Part.model_validate_json(path.read_bytes())
 
 
 def _story(parts: Mapping[Path, Part], root: Path) -> str:

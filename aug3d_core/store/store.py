@@ -342,15 +342,20 @@ class Store:
         folder.rename(aside)
         return aside
 
-    def made_by(self, stage: str, recipe: str, most: int) -> list[Path]:
-        """Return the files' folders of the whole objects that a recipe made, newest first: of those that are all here."""
+    def made_by(self, stage: str, recipe: str, most: int, before: Record | None = None) -> list[Path]:
+        """Return the files' folders of the whole objects that a recipe made, newest first: of those that are all here.
+
+        before: one that comes before all others if it is among them: many scenes have the same recipe.
+        """
         found = []
         for path in (self.root / layout.OBJECTS / stage).glob(f"[!.]*/{layout.RECORD}"):
             with suppress(OSError, ValueError):
                 if (record := read_record(path)).recipe == recipe:
                     found.append((path.stat().st_mtime_ns, record))
-        newest = [record for _, record in sorted(found, key=lambda each: each[0], reverse=True)[:most]]
-        return [self.place(record) for record in newest if not faults(self.place(record), record.files)]
+        first = before.key if before and before.stage == stage else ""
+        found.sort(key=lambda each: (each[1].key == first, each[0]), reverse=True)
+        chosen = [record for _, record in found[:most]]
+        return [self.place(record) for record in chosen if not faults(self.place(record), record.files)]
 
     def commit(self, work: Path, stage: str, key: str, record_fields: dict) -> Record:
         """Turn a work folder into an object: digest the files, write the record last, sync, rename."""
@@ -360,6 +365,11 @@ class Store:
         write_synced(work / layout.RECORD, sealed(record.model_dump(mode="json")))
         target = self.object_dir(stage, key)
         target.parent.mkdir(parents=True, exist_ok=True)
+        if self.shared is not None and self.shared.is_shared(
+            target
+        ):  # another machine was first, and its record came here
+            shutil.rmtree(work)
+            return read_record(target / layout.RECORD)
         work.rename(target)
         _sync_folder(target.parent)
         return self._agreed(record)

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from aug3d_core.depth.cameras import camera_of, depth_sizes
 from aug3d_core.depth.files import FUSED, FUSED_TILES, WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS
-from aug3d_core.depth.fusion import fuse
+from aug3d_core.depth.fusion import _read_ply, fuse
 from aug3d_core.depth.fusion_tiles import Dense, FusionPlan, _cut, _cut_views, _world_of, fuse_to, plan_fusion
 from aug3d_core.depth.workspace import write_workspace
 from aug3d_core.geometry.depth_maps import read_map, write_map
@@ -148,3 +148,18 @@ def test_a_killed_fusion_goes_on_with_the_tiles_that_are_done(dense: Dense, tile
 def test_maps_without_any_depth_are_no_points(dense: Dense, tmp_path: Path) -> None:
     assert fuse_to(tmp_path / FUSED, dense, [11], most=1) == (0, 1)
     assert len(Fused.load(tmp_path / FUSED).xyz) == 0
+
+
+@pytest.mark.parametrize("left", [0, 26, 27, 27 * 3 + 5])
+def test_points_that_a_full_disk_cut_short_are_refused(tmp_path: Path, left: int) -> None:
+    head = b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nend_header\n"
+    (tmp_path / "fused.ply").write_bytes(head + bytes(left))
+    with pytest.raises(OSError, match="No space left"):
+        _read_ply(tmp_path / "fused.ply")
+    (tmp_path / "fused.ply").write_bytes(head + bytes(4 * 27))
+    assert len(_read_ply(tmp_path / "fused.ply")) == 4
+
+
+def test_fusion_leaves_nothing_beside_its_maps(dense: Dense) -> None:
+    fuse(dense.workspace, dense.views, EVERY[:2])
+    assert not [*dense.workspace.glob("tmp*")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,8 +23,8 @@ from aug3d_core.factory.stages import (
     SURFACE,
 )
 from aug3d_core.groups.files import GROUPS
-from aug3d_core.run.errors import StoreError
-from aug3d_core.run.files import FILES
+from aug3d_core.run.errors import StageFailed, StoreError
+from aug3d_core.run.files import EARLIER, FILES
 from aug3d_core.run.stage import Stage
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store.record import Record
@@ -93,3 +94,23 @@ def test_what_is_made_is_found_in_a_store_that_can_only_be_read(
     assert build(store, made, lambda *_: None) == Built(record, cached=True)
     with pytest.raises(StoreError, match="can only be read"):
         build(store, missing, lambda *_: None)
+
+
+def test_a_scene_finds_its_own_earlier_work_however_many_others_were_made_since(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(tmp_path)
+    work = work_of(DEPTH, scene_config("tiny").depth, {"sfm": Source(path=tmp_path, digest="d")})
+    own, *_ = [add_object(store, "depth", f"k{number}", recipe=work.recipe) for number in range(12)]
+    given = list[list[str]]()
+
+    def computed(_stage: Stage, folder: Path, _progress: object) -> None:
+        given.append([one.resolve().parent.name for one in sorted((folder / EARLIER).iterdir())])
+        raise StageFailed("depth", "error", "enough is seen", "", "", "")
+
+    monkeypatch.setattr("aug3d_core.factory.build.run_isolated", computed)
+    for before in (own, None):
+        with pytest.raises(StageFailed):
+            build(store, replace(work, before=before), lambda *_: None)
+    assert given[0][0] == "k0" and len(given[0]) == 8 and "k0" not in given[1]
+    assert replace(work, before=own).key == work.key

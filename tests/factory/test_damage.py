@@ -90,6 +90,16 @@ def test_what_follows_from_other_bytes_is_made_again_too(
     assert again["grouping"].damage.endswith("with other bytes, and so is what follows from it")
 
 
+def test_what_the_scene_was_made_of_before_goes_with_the_work(
+    stages: Salted, material: Material, tmp_path: Path
+) -> None:
+    store = Store(tmp_path / "home")
+    before = {step: built.record for step, built in made(store, material).items()}
+    plan = {visit.step.name: visit for visit in planned(store, material, CONFIG)}
+    visits = list(walk(store, FEW, CONFIG, material, lambda visit: visit.built, plan=plan, before=before))
+    assert {visit.step.name: visit.work and visit.work.before for visit in visits} == before
+
+
 def test_an_input_is_compared_with_its_digest_before_a_stage_reads_it(
     stages: Salted, material: Material, tmp_path: Path
 ) -> None:

@@ -103,6 +103,23 @@ def test_only_what_changed_is_made_and_only_what_is_no_worse_is_published(stages
     assert good is not None and good.name in (now / layout.REPORT).read_text(), "the report compares with it"
 
 
+@pytest.mark.parametrize("old_stays", [False, True])
+def test_a_home_that_was_moved_publishes_its_own_versions(
+    stages: Stages, store: Store, monkeypatch: pytest.MonkeyPatch, old_stays: bool
+) -> None:
+    entry = add_scene(store, "little")
+    assert end_of("little", entry).name == "Published"
+    (store.root / layout.SCENES / "little" / layout.PUBLISHED).unlink()
+    moved = store.root.with_name("moved")
+    (shutil.copytree if old_stays else shutil.move)(store.root, moved)
+    monkeypatch.setenv("AUG3D_HOME", str(moved))
+    end = end_of("little", entry)
+    assert end.name == "Published", end.message
+    now = published(Store(moved), "little")
+    assert now is not None and now.is_relative_to(moved)
+    assert store.root.exists() == old_stays and (not old_stays or published(store, "little") is None)
+
+
 @pytest.fixture
 def workers(store: Store, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """Take runs of scenes as workers do, but in this process, which has the stand-in stages; return what they took."""

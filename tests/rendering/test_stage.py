@@ -146,6 +146,11 @@ def test_a_machine_that_helps_renders_what_is_not_there(renderer, tmp_path):
     assert {shard.name: shard.read_bytes() for shard in shards.iterdir()} == as_it_was
 
 
+def test_a_machine_that_helps_with_no_views_has_nothing_to_do(renderer, tmp_path):
+    outcome = stage.assist(plan(tmp_path / "in", 0), RenderingConfig(), tmp_path / "out", lambda *_: None)
+    assert outcome.metrics["views"] == 0 and not renderer.asked
+
+
 @pytest.mark.parametrize("torn", [b"", b"PK", bytes(4000)])
 def test_shards_that_a_power_cut_tore_are_rendered_again(renderer, tmp_path, torn):
     _, table, _ = run(tmp_path)

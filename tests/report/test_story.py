@@ -47,3 +47,13 @@ def test_names_are_no_markup(tmp_path: Path) -> None:
     store = Store(tmp_path)
     page = tell(store, folder(store, "t"), part("<script>alert()</script>", gains="x")).read_text()
     assert "<script>alert()" not in page
+
+
+def test_parts_that_are_damaged_or_of_another_version_are_passed_over(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    tell(store, folder(store, "whole"), part("town", gains="WHOLE"))
+    (folder(store, "torn") / "part.json").write_text('{"about": "to')
+    (folder(store, "later") / "part.json").write_text('{"about": "town", "chapters": {}, "unknown": 1}')
+    tell(store, folder(store, ".damaged-aside-1"), part("town", "2027-01-01 00:00:00", gains="ASIDE"))
+    page = tell(store, folder(store, "new"), part("beach", gains="NEW")).read_text()
+    assert "WHOLE" in page and "NEW" in page and "ASIDE" not in page

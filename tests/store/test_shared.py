@@ -107,6 +107,15 @@ def test_two_makers_of_one_object_end_with_one(tmp_path: Path, shared: str, time
         assert [name.rpartition("/")[2] for name in names].count(layout.RECORD) == 1
 
 
+def test_work_that_ends_after_another_machine_s_was_brought_here_ends_as_that(tmp_path: Path, shared: str) -> None:
+    """The right to make it lapsed while this machine slept; another made it, and a dry run here saw its record."""
+    late, other = Store(tmp_path / "late"), Store(tmp_path / "other")
+    made = commit(other, "made by the other")
+    assert late.find("photos", "k1") == made
+    assert commit(late, "made here") == made
+    assert read(late, made) == "made by the other"
+
+
 def test_of_many_who_create_a_name_one_wins(bucket: str) -> None:
     place, won, start = Bucket(bucket), [], threading.Barrier(64)
 

@@ -321,6 +321,7 @@ def test_objects_of_a_recipe_are_found_newest_first(tmp_path: Path) -> None:
     os.utime(store.object_dir("photos", "k2") / layout.RECORD, ns=(10**18, 10**18))
     assert store.made_by("photos", "r1", most=8) == [store.files_dir(first), store.files_dir(second)]
     assert store.made_by("photos", "r1", most=1) == [store.files_dir(first)]
+    assert store.made_by("photos", "r1", 8, before=second) == [store.files_dir(second), store.files_dir(first)]
     assert store.made_by("photos", "another", most=8) == []
 
 
