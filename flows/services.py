@@ -159,6 +159,10 @@ def _become(name: str, serving: Serving, dask: str = "") -> None:
     serving = with_secret(serving)
     if name == WORKER:
         ready_file(serving.home).unlink(missing_ok=True)  # an earlier worker's
+    if name == MLFLOW:
+        from tasks.mlflow_client import follow_home  # with all of MLflow, which other services do without
+
+        follow_home(serving.home)
     environment = {**settings(name, serving), **os.environ, **serving.as_environment()}
     os.execve(sys.executable, [sys.executable, *command(name, dask)], environment)
 

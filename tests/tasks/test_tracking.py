@@ -128,6 +128,22 @@ def test_a_deleted_experiment_is_brought_back(tmp_path: Path, client: MlflowClie
     assert log(version(tmp_path)).waiting == ""
 
 
+@pytest.mark.parametrize("moved", ["new home", "home_2", "a/home"])
+def test_artifacts_move_with_their_home(tmp_path: Path, client: MlflowClient, moved: str) -> None:
+    home, there = tmp_path / "home", tmp_path / "elsewhere" / moved
+    home.mkdir()
+    shutil.move(tmp_path / layout.MLFLOW_DATABASE, home)
+    first = log(version(home)).run_id
+    there.parent.mkdir(parents=True)
+    shutil.move(home, there)
+    second = log(version(there, "20260102-000000")).run_id
+    now = MlflowClient(f"sqlite:///{there / layout.MLFLOW_DATABASE}")
+    for run in (first, second):
+        assert now.get_run(run).info.artifact_uri.startswith((there / layout.MLFLOW_ARTIFACTS).as_uri())
+        assert "report.html" in {file.path for file in now.list_artifacts(run)}
+    assert not home.exists(), "nothing is written where the home was"
+
+
 def closed_port() -> str:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
