@@ -83,7 +83,7 @@ def build(
             atlas, detail = atlas_within(shape, detail, config.texel_budget)
             charts = atlas.charts
         with clock.step("texture"):
-            textured = paint_texture(photographs, shape, rgb, atlas, config.photos_per_place, tick)
+            textured = paint_texture(photographs.for_detail(detail), shape, rgb, atlas, config.photos_per_place, tick)
     return Built(
         Mesh(shape.xyz.astype(np.float32), rgb, shape.triangles),
         textured,

@@ -7,6 +7,7 @@ loses to errors of pose and shape. Exposure differences are evened out first (`e
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,6 +121,12 @@ class Photographs:
         self._images, self._masks, self._kept = images, masks, kept
         self._caster = Raycaster(shape.xyz, shape.triangles)
         self.gains: Float[np.ndarray, "m 3"] = np.ones((len(chosen), 3))
+
+    def for_detail(self, spacing: float) -> Photographs:
+        """Return the same photographs for detail of another size (world units)."""
+        other = copy.copy(self)
+        other._spacing = spacing
+        return other
 
     def even_out(self, tracks: Tracks) -> None:
         """Estimate the photos' gains from the points that they share.

@@ -24,7 +24,7 @@ class SurfaceConfig(StageConfig):
     )
     texel_gsd: float = Field(default=1.0, gt=0, le=20, description="Size of a texel (GSD).")
     texel_budget: int = Field(
-        default=4096**2, ge=64**2, le=16384**2, description="Texels at most; they grow where it would take more."
+        default=8192**2, ge=64**2, le=8192**2, description="Texels at most; they grow where it would take more."
     )
     vertex_budget: int = Field(
         default=200_000,

@@ -16,7 +16,11 @@ from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.surface import texture
 from aug3d_core.surface.atlas import GUTTER, atlas_within, make_atlas, pack
+from aug3d_core.surface.build import _texel, build
+from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.colour import Colours, Photographs, Places, paint_vertices
+from aug3d_core.surface.config import SurfaceConfig
+from aug3d_core.surface.draw import Drawn
 from aug3d_core.surface.shape import Shape, split_to, triangle_areas, triangle_normals
 from aug3d_core.surface.texture import paint_texture
 
@@ -172,6 +176,33 @@ def test_what_is_coloured_at_a_time_lies_together_on_the_ground(
     paint_texture(photographs, fine, np.zeros((len(fine.xyz), 3), np.uint8), make_atlas(fine, 0.1), 1, lambda: None)
     assert len(across) > 100
     assert np.median(across) < 5.0, "top and floor, 800 texels each, would be 2.8 across as a square; a row is 20"
+
+
+def test_texels_that_a_budget_enlarges_hold_the_mean_of_what_they_cover(tmp_path: Path) -> None:
+    """Charts so small that gutters take most of the picture: how large texels become is known only afterwards."""
+    rng, px = np.random.default_rng(0), 800
+    gravel = rng.normal(128, 40, (px, px, 1)).clip(20, 235).astype(np.uint8).repeat(3, axis=2)
+    Image.fromarray(gravel).save(tmp_path / image_name(0))
+    focal_px = px / 2 / (12 / 60)
+    views = Views(
+        np.zeros(1, int), look_at(np.array([0.0, 0.0, 60.0]), np.array([0.0, 0.1, 0.0]))[None],
+        np.array([[focal_px, focal_px, px / 2, px / 2]]), np.array([[px, px]]),
+    )  # fmt: skip
+    across = np.linspace(-10, 10, 25)
+    x, y = np.meshgrid(across, across)
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]).astype(np.int32)
+    rough = Shape(np.stack([x, y, rng.normal(0, 0.8, x.shape)], axis=-1).reshape(-1, 3), triangles)
+    gsd, area = 60 / focal_px, float(triangle_areas(rough).sum())
+    drawn = Drawn(rough, 1000, 1.0, 8, len(triangles), 0.0, gsd, area, 0.0, 1)
+    nothing = Tracks(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)))
+    config = SurfaceConfig(texel_budget=2**15)
+    built = build(drawn, nothing, views, np.arange(1), tmp_path, tmp_path / "masks", config, Clock(), lambda: None)
+    enlarged = built.detail / gsd
+    asked = _texel(rough, gsd, config) / gsd
+    assert enlarged > 1.5 * asked, "else the budget says nothing here"
+    assert built.textured is not None and built.textured.texture[..., 0].std() < 1.5 * 40 / enlarged
 
 
 def test_a_dark_photo_is_evened_out(tmp_path):
