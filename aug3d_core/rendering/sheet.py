@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 _GAP = 2
+_WIDEST_PX = 512  # eight side by side are as many as anybody looks at
 
 
 def contact_sheet(images: Sequence[UInt8[np.ndarray, "h w 3"]], columns: int = 8) -> UInt8[np.ndarray, "sh sw 3"]:
@@ -27,4 +28,5 @@ def contact_sheet(images: Sequence[UInt8[np.ndarray, "h w 3"]], columns: int = 8
 def save_sheet(images: Sequence[UInt8[np.ndarray, "h w 3"]], path: Path) -> None:
     """Write a contact sheet as PNG; none if there are no pictures."""
     if images:
-        Image.fromarray(contact_sheet(images)).save(path)
+        smaller = -(-images[0].shape[1] // _WIDEST_PX)
+        Image.fromarray(contact_sheet([np.asarray(Image.fromarray(one).reduce(smaller)) for one in images])).save(path)

@@ -18,3 +18,9 @@ def test_no_pictures_no_file(tmp_path):
     save_sheet([np.zeros((7, 11, 3), np.uint8)], tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as image:
         assert image.size == (11, 7)
+
+
+def test_large_pictures_are_made_smaller_so_that_a_sheet_can_be_opened(tmp_path):
+    save_sheet([np.zeros((900, 1200, 3), np.uint8)] * 16, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size[0] <= 8 * 514 and image.size[0] * image.size[1] < 30e6
