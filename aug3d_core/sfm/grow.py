@@ -30,14 +30,15 @@ _LEAST = 0.5  # of today's photographs: less would rest the larger part of a sce
 class Earlier:
     """An earlier model with today's ids, and what its cameras' corners lose.
 
-    files: of its output. was: photo ids there by those of today. given: photographs it was made of, placed or not.
+    files: of its output. was: photo ids there by those of today. settled: photographs, placed or not, of which the poses were
+    found together; those that came later were placed about these.
     """
 
     model: pycolmap.Reconstruction
     files: Path
     was: dict[int, int]
     falloffs: dict[int, Falloff | None]
-    given: int
+    settled: int
 
     @property
     def known_falloffs(self) -> dict[int, Falloff]:
@@ -73,7 +74,8 @@ def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> E
     best: Earlier | None = None
     today = dict(zip(photos["sha256"], photos["photo_id"], strict=True))
     for files in sorted(folder.iterdir()) if folder is not None and folder.exists() else []:
-        was = json.loads((files / COMPONENTS).read_text())["photo_sha256"]
+        components = json.loads((files / COMPONENTS).read_text())
+        was = components["photo_sha256"]
         if len(was) >= len(photos) or not set(was) <= set(today):
             continue
         model = pycolmap.Reconstruction(files / COLMAP_MODEL)
@@ -89,7 +91,7 @@ def find_earlier(photos: pd.DataFrame, database: Path, folder: Path | None) -> E
                 files,
                 {new: old for old, new in now.items()},
                 {new: falloffs[old] for new, old in camera_was.items()},
-                len(was),
+                components.get("settled", len(was)),
             )
     return best
 

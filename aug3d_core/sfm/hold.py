@@ -56,8 +56,10 @@ def why_all_move(earlier: Earlier, photos: int, control: bool) -> str:
     """Return why the earlier poses cannot stay in a scene of so many photographs, "" if they may. control: it has points."""
     if control:
         return _CONTROL
-    new = photos - earlier.given
-    return f"{new} of {photos} photographs are new" if new > _MOST_NEW * photos else ""
+    new = photos - earlier.settled
+    return (
+        f"{new} of {photos} photographs are new since all poses were found together" if new > _MOST_NEW * photos else ""
+    )
 
 
 def hold(

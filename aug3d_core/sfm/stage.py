@@ -81,7 +81,8 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed), chosen)
     falloffs = measure_falloffs(chosen.model, images, earlier.known_falloffs if earlier else {})
     known = earlier.images_as_they_are(chosen.model, falloffs) if earlier else {}
-    write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, falloffs, known)
+    settled = earlier.settled if earlier and held else None
+    write_outputs(chosen.model, arrays, mapped.models[1:], located, photos, images, out, falloffs, known, settled)
     shutil.rmtree(out / MAPPING, ignore_errors=True)
     _refuse_short_baseline(arrays)
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)

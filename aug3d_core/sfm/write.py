@@ -139,12 +139,13 @@ def write_outputs(
     out: Path,
     falloffs: Mapping[int, Falloff | None],
     known: Mapping[int, Path] | None = None,
+    settled: int | None = None,
 ) -> None:
     """Write the model, which is in the world, as arrays, undistorted images, COLMAP files, records and a map.
 
     arrays: what the model holds. others: reconstructions of further photographs, each in a frame of its own. images: folder
     of the photographs' working copies, beside that of their masks. falloffs: of cameras by id. known: undistorted images that
-    exist already, by photo id.
+    exist already, by photo id. settled: of how many photographs the poses were found together; None: of all.
     """
     arrays.views.save(out / VIEWS)
     arrays.points.save(out / POINTS)
@@ -156,7 +157,8 @@ def write_outputs(
     for each, folder in zip([model, *others], folders, strict=True):
         (out / folder).mkdir(parents=True, exist_ok=True)
         each.write_binary(out / folder)
-    _write_json(_components([model, *others], folders, photos), out / COMPONENTS)
+    components = _components([model, *others], folders, photos)
+    _write_json(components if settled is None else components | {"settled": settled}, out / COMPONENTS)
     world = world_record(located)
     _write_json(world, out / WORLD)
     if located.survey:
