@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from aug3d_core.advice.plan import Plan
 
 HOME = Path("aug3d_data")
+_NO_GPS = (
+    "no GPS: places are in the scene's world, and there are no files for the field. --margin-m, in metres, says nothing there:"
+    " a fifth of the flight's height is kept above what is near"
+)
 
 
 def advise(
@@ -29,7 +33,7 @@ def advise(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
     photos: Annotated[int, typer.Option(min=1, max=2000, help="How many photographs can be taken.")] = 20,
     margin_m: Annotated[
-        float, typer.Option(min=5.0, max=200.0, help="Least distance above the highest known roof [m]; needs GPS.")
+        float, typer.Option(min=5.0, max=200.0, help="Least distance above what is known nearby [m]; needs GPS.")
     ] = 15.0,
     home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
@@ -61,25 +65,23 @@ def advise(
             )  # fmt: skip
             mesh = Mesh.load(surface / BASELINE_MESH)
             files = write_advice(plan, scene, folder, lambda names: advice_page(scene, plan, mesh, names))
+        notes = [*filter(None, [caution(plan)]), *([_NO_GPS] if plan.origin is None else [])]
         if as_json:
-            print(json.dumps(_told(plan, scene, folder, files), indent=1))
+            print(json.dumps(_told(plan, scene, folder, files, verdict(plan), notes), indent=1))
             return
         console = Console()
         console.print(verdict(plan), highlight=False, soft_wrap=True, markup=False)
-        if said := caution(plan):
-            console.print(f"[yellow]note[/] {said}", highlight=False, soft_wrap=True)
-        if plan.origin is None:
-            console.print(
-                "[yellow]note[/] no GPS: places are in the scene's world, and there are no files for the field. --margin-m, in"
-                " metres, says nothing there: a fifth of the flight's height is kept above roofs",
-                soft_wrap=True,
-            )
+        for note in notes:
+            console.print(f"[yellow]note[/] {note}", highlight=False, soft_wrap=True)
         console.print(f"{', '.join(files)} are in {folder}", highlight=False, soft_wrap=True, markup=False)
 
 
-def _told(plan: Plan, scene: str, folder: Path, files: list[str]) -> dict:
+def _told(plan: Plan, scene: str, folder: Path, files: list[str], verdict: str, notes: list[str]) -> dict:
     return {
         "scene": scene,
+        "verdict": verdict,
+        "notes": notes,
+        "take_off_m": plan.take_off_m,
         "folder": str(folder),
         "files": files,
         "unit": plan.unit,

@@ -14,17 +14,15 @@ from jaxtyping import Float
 from scipy.spatial import Delaunay, QhullError
 
 from aug3d_core.advice.need import POOR, Look, look_of, need_of, offers
-from aug3d_core.advice.site import Site
+from aug3d_core.advice.site import HIGHER, Site
 from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.geometry.views import Views
+from aug3d_core.run.errors import InputError
 
 _APART = 4  # candidates along a picture
 _MOST_PLACES = 1200  # with each heading
 _SEED = 0
 _MOST_ASKED = 600  # views that may be asked for
-# Of the flight's height: a photograph then shows 1.4 times the ground, and views from the flight's height look past it less
-HIGHER = 1.2
-_BEYOND = 0.75  # pictures: so far outside the area a tilted camera may stand, to look into it
 _MOST_TILT_DEG = 45.0
 
 
@@ -70,13 +68,14 @@ def candidates(
     """
     tilt, yaws = usual_look(views)
     wanted = site.area.middle(site.area.wanted)
-    beyond, step = _BEYOND * site.picture, site.picture / _APART
-    ends = zip(wanted.min(axis=0) - beyond, wanted.max(axis=0) + beyond, strict=True)
-    grid = np.stack(np.meshgrid(*(np.arange(*end, step) for end in ends)), axis=-1).reshape(-1, 2)
+    low, high, step = wanted.min(axis=0), wanted.max(axis=0), site.picture / _APART
     stand, turn = [], []
     for yaw in yaws:
         ahead = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
-        aims = grid + ahead * site.height_flown(higher) * np.tan(np.radians(tilt))
+        ahead *= site.height_flown(higher) * np.tan(np.radians(tilt))
+        ends = zip(np.floor(-ahead / step), np.ceil((high - low - ahead) / step) + 1, strict=True)
+        grid = low + step * np.stack(np.meshgrid(*(np.arange(*end) for end in ends)), axis=-1).reshape(-1, 2)
+        aims = grid + ahead
         chosen = np.flatnonzero(site.area.has(aims))
         if len(chosen) > _MOST_PLACES:
             about = site.about(aims[chosen])
@@ -131,7 +130,10 @@ def chosen(
     count: int,
     progress: Callable[[str, int, int], None],
 ) -> Choice:
-    """Return so many photographs to take, fewer where none adds anything. error: of the model at each sample, 1 if as usual."""
+    """Return so many photographs to take, fewer where none adds anything. error: of the model at each sample, 1 if as usual.
+
+    Raises InputError where no view that may be asked for shows any of the site.
+    """
     intrinsics, size = np.median(views.intrinsics, axis=0), np.median(views.size, axis=0).astype(int)
 
     def looks_of(what: str, stand: np.ndarray, turn: np.ndarray) -> list[Look]:
@@ -150,6 +152,11 @@ def chosen(
     stand, turn = candidates(site, views, bare, HIGHER)
     looks = looks_of("places to stand", stand, turn)
     asked = [look for look in looks_of("views to predict", *asked_for(site, views, bare)) if len(look.sample)]
+    if not asked or not looks:
+        raise InputError(
+            "no view like the flight's own shows any of the ground that it encloses",
+            "give photographs that overlap, and a mesh of what they show",
+        )
     need = need_of(asked, flown, error)
     offered = [*offers(asked, looks)]
     gains = np.zeros((len(asked), len(looks)), np.float32)

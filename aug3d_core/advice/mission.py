@@ -60,13 +60,16 @@ def waypoints(
     return found
 
 
-def missions(points: Sequence[Waypoint], name: str) -> Iterator[tuple[str, bytes]]:
-    """Yield the name and the bytes of KMZ files with at most MOST_POINTS points each."""
+def missions(points: Sequence[Waypoint], name: str, clear_m: float) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and the bytes of KMZ files with at most MOST_POINTS points each.
+
+    clear_m: height above the lowest ground of the scene that is above all that is known.
+    """
     parts = [points[i : i + MOST_POINTS] for i in range(0, len(points), MOST_POINTS)]
     for number, part in enumerate(parts, 1):
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as kmz:
-            for file, root in (("template.kml", _template(part)), ("waylines.wpml", _waylines(part))):
+            for file, root in (("template.kml", _template(part, clear_m)), ("waylines.wpml", _waylines(part, clear_m))):
                 kmz.writestr(zipfile.ZipInfo(f"wpmz/{file}", _ZIP_TIME), _text(root), zipfile.ZIP_DEFLATED)
         yield f"{name}_{number}.kmz" if len(parts) > 1 else f"{name}.kmz", packed.getvalue()
 
@@ -123,11 +126,11 @@ def listing(advised: Sequence[Advised], points: Sequence[Waypoint] | None) -> st
     return text.getvalue()
 
 
-def _template(points: Sequence[Waypoint]) -> ElementTree.Element:
+def _template(points: Sequence[Waypoint], clear_m: float) -> ElementTree.Element:
     """Return what programs for missions read and edit."""
     root, document = _document()
     _add(document, "author", "aug3d")
-    _mission(document, points)
+    _mission(document, points, clear_m)
     folder = _add(document, "Folder", None, _KML)
     _add_all(folder, {"templateType": "waypoint", "templateId": 0})
     system = _add(folder, "waylineCoordinateSysParam")
@@ -151,10 +154,10 @@ def _template(points: Sequence[Waypoint]) -> ElementTree.Element:
     return root
 
 
-def _waylines(points: Sequence[Waypoint]) -> ElementTree.Element:
+def _waylines(points: Sequence[Waypoint], clear_m: float) -> ElementTree.Element:
     """Return what the drone flies."""
     root, document = _document()
-    _mission(document, points)
+    _mission(document, points, clear_m)
     folder = _add(document, "Folder", None, _KML)
     _add_all(
         folder,
@@ -170,16 +173,16 @@ def _waylines(points: Sequence[Waypoint]) -> ElementTree.Element:
     return root
 
 
-def _mission(document: ElementTree.Element, points: Sequence[Waypoint]) -> None:
-    """Say how the drone gets there and home: never lower than the lowest point, which is above all roofs."""
+def _mission(document: ElementTree.Element, points: Sequence[Waypoint], clear_m: float) -> None:
+    """Say how the drone gets there and home, nobody knows from where: above all that is known, and the lowest point."""
     config = _add(document, "missionConfig")
-    low, high = min(point.up_m for point in points), max(point.up_m for point in points)
+    height = _m(max(clear_m, min(point.up_m for point in points)))
     _add_all(
         config,
         {
             "flyToWaylineMode": "safely", "finishAction": "goHome", "exitOnRCLost": "executeLostAction",
-            "executeRCLostAction": "goBack", "takeOffSecurityHeight": _m(low), "globalTransitionalSpeed": _TRANSIT_M_S,
-            "globalRTHHeight": _m(high),
+            "executeRCLostAction": "goBack", "takeOffSecurityHeight": height, "globalTransitionalSpeed": _TRANSIT_M_S,
+            "globalRTHHeight": height,
         },
     )  # fmt: skip
     _add_all(_add(config, "droneInfo"), _DRONE)

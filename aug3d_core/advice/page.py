@@ -25,6 +25,7 @@ _MAP_PX, _GROUND_PX = 1100, 500
 _WORST, _BEST = np.array([196, 50, 40]), np.array([46, 140, 80])  # colours of nothing seen, and of nothing missing
 _ALPHA = 120
 _ARROW_PX, _DOT_PX = 30.0, 13.0
+_LITTLE_M = 1.0  # higher than is lawful: the ground is not known better
 _STYLE = """<style>
 .map path.flown{stroke:#fff;stroke-width:2.5;opacity:.9;fill:none}.map .at{fill:#fff;opacity:.75}
 .map rect.back{fill:#3b4247}.map .new{fill:#1f6feb;stroke:#fff;stroke-width:2}
@@ -45,7 +46,7 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
         (
             "to be flown at",
             f"{plan.site.height_flown(HIGHER):.0f} {plan.unit} above the ground,"
-            f" never below {plan.site.floor:.0f} {plan.unit}",
+            f" and {plan.site.margin:.0f} {plan.unit} above what is near",
         ),
         ("highest roof", f"{plan.site.roof:.0f} {plan.unit} (heights of the scene's world)"),
     ]
@@ -65,10 +66,12 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
 def verdict(plan: Plan) -> str:
     """Return the advice in one sentence."""
     hole, poor = float(plan.site.in_hole.mean()), float((plan.choice.before > POOR).mean())
-    if not plan.choice.advised:
-        return "Nothing is missing: each place is photographed from wherever the flight looks."
-    holes = f", and the mesh has nothing of {hole:.0%}" if hole >= 0.005 else ""
     before, after = plan.choice.missing[0], plan.choice.missing[-1]
+    if not plan.choice.advised:
+        if before < 0.005:
+            return "Nothing is missing: each place is photographed from wherever the flight looks."
+        return f"{before:.0%} is missing of views like the flight's, but no photograph that may be taken would make up for it."
+    holes = f", and the mesh has nothing of {hole:.0%}" if hole >= 0.005 else ""
     return (
         f"{poor:.0%} of the site is poorly photographed{holes}. {len(plan.choice.advised)} more photographs would make up for"
         f" {1 - after / before:.0%} of what is missing."
@@ -77,12 +80,27 @@ def verdict(plan: Plan) -> str:
 
 def caution(plan: Plan) -> str:
     """Return what whoever flies the mission must heed; empty where there is none."""
-    if plan.take_off_m is None or not plan.choice.advised:
+    if not plan.choice.advised:
         return ""
-    return (
-        f"Do not take off below {plan.take_off_m:.0f} m, the lowest ground of the area (altitude as the photographs' GPS or "
-        "the control points have it): the mission's heights are above the take-off point; from lower down it flies lower."
-    )
+    said = list[str]()
+    most = max(plan.site.lawful, plan.site.height) + _LITTLE_M
+    if plan.take_off_m is not None:
+        said.append(
+            f"Do not take off below {plan.take_off_m:.0f} m, the lowest ground of the area (altitude as the photographs' GPS"
+            " or the control points have it): the mission's heights are above the take-off point; from lower down it flies"
+            " lower, from higher up higher."
+        )
+        if plan.clear_height > most:
+            said.append(
+                f"It comes and goes {plan.clear_height:.0f} m above the take-off point: {plan.site.margin:.0f} m above all"
+                " that is known about."
+            )
+    if plan.above_ground > most:
+        said.append(
+            f"It takes the drone up to {plan.above_ground:.0f} m above the ground, which is more than is lawful without a"
+            f" permit in most countries: over a valley, or to keep {plan.site.margin:.0f} m above what stands there."
+        )
+    return " ".join(said)
 
 
 def why(one: Advised) -> str:

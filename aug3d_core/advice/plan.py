@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from aug3d_core.advice.choice import Choice, chosen
 from aug3d_core.advice.model_error import error_at
-from aug3d_core.advice.route import route
+from aug3d_core.advice.route import along, cleared, route
 from aug3d_core.advice.site import Site, site_of
 from aug3d_core.export.finished import required, world_of
 from aug3d_core.geometry.geodesy import geodetic_from_enu
@@ -25,7 +25,7 @@ Progress = Callable[[str, int, int], None]  # what, done, total
 
 @dataclass(frozen=True)
 class Plan:
-    """choice: its photographs in the order of the route.
+    """choice: its photographs in the order of the route, raised where a leg between them would pass too low.
 
     origin: latitude, longitude and altitude of the world's origin; None where no GPS told it.
     """
@@ -38,8 +38,19 @@ class Plan:
 
     @property
     def lowest_ground(self) -> float:
-        """The lowest height of the area and its surroundings."""
-        return float(self.site.area.heights.min())
+        """The lowest height of the area and its surroundings: heights of missions count from it."""
+        return self.site.area.lowest
+
+    @property
+    def clear_height(self) -> float:
+        """The height above the lowest ground that keeps the margin above all of the area and its surroundings."""
+        return self.site.floor - self.lowest_ground
+
+    @property
+    def above_ground(self) -> float:
+        """The greatest height above the ground on the way through the photographs; 0 where there are none."""
+        way = along(np.array([one.xyz for one in self.choice.advised]).reshape(-1, 3), self.site.area.cell)
+        return float((way[:, 2] - self.site.ground.height_at(way[:, :2])).max(initial=0.0))
 
     @property
     def take_off_m(self) -> float | None:
@@ -67,6 +78,9 @@ def plan_of(
     site = site_of(mesh, views, points.xyz, margin_m if world["metric"] else None)
     error = error_at(site, views, evaluations)
     choice = chosen(site, views, error, count, progress)
-    order = route(np.array([one.xyz for one in choice.advised]).reshape(-1, 3))
-    choice = replace(choice, advised=tuple(choice.advised[i] for i in order))
+    places = np.array([one.xyz for one in choice.advised]).reshape(-1, 3)
+    order = route(places)
+    flown = cleared(places[order], site.floor_at, site.area.cell).tolist()
+    advised = (replace(choice.advised[i], xyz=(x, y, z)) for i, (x, y, z) in zip(order, flown, strict=True))
+    choice = replace(choice, advised=tuple(advised))
     return Plan(site, views, choice, world["unit"], origin)

@@ -7,12 +7,14 @@ it; beyond, photographs thin out on every flight.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import distance_transform_edt, median_filter
+from scipy.ndimage import distance_transform_edt, maximum_filter, median_filter
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, KDTree, QhullError
 
 from aug3d_core.domes.sight import Samples, spread_over
@@ -29,19 +31,23 @@ _SEED = 0
 _MARGIN_SHARE = 0.2  # of the flight's height, where no metre is known
 _FAR = 3.0  # flight heights along the ground: what is farther from a camera counts for nothing
 _LAWFUL_M = 120.0  # above the ground, without a permit in most countries
+# Of the flight's height: a photograph then shows 1.4 times the ground, and views from the flight's height look past it less
+HIGHER = 1.2
 
 
 @dataclass(frozen=True)
 class Area:
     """Cells on the ground plane, [north, east] from the south-west. wanted: the flight is about them. heights: of the surface.
 
-    hole: wanted, and the mesh has nothing there; the height is that of the ground. All in world units.
+    tops: of the highest thing in each cell, however narrow. hole: wanted, and the mesh has nothing there; the height is that of
+    the ground. All in world units.
     """
 
     low: Float[np.ndarray, " 2"]
     cell: float
     wanted: Bool[np.ndarray, "y x"]
     heights: Float[np.ndarray, "y x"]
+    tops: Float[np.ndarray, "y x"]
     hole: Bool[np.ndarray, "y x"]
 
     def middle(self, cells: Bool[np.ndarray, "y x"]) -> Float[np.ndarray, "n 2"]:
@@ -50,10 +56,19 @@ class Area:
 
     def has(self, xy: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """Tell which places are wanted."""
-        column, row = np.floor((xy - self.low) / self.cell).astype(int).T
-        rows, columns = self.wanted.shape
-        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        return inside & self.wanted[row.clip(0, rows - 1), column.clip(0, columns - 1)]
+        cell, inside = self.cell_of(xy)
+        return inside & self.wanted[cell]
+
+    def cell_of(self, xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[np.ndarray, np.ndarray], Bool[np.ndarray, " n"]]:
+        """Return the row and the column of the nearest cell, and whether places lie in it."""
+        cell = np.floor((xy - self.low) / self.cell).astype(int)[:, ::-1]
+        nearest = cell.clip(0, np.array(self.wanted.shape) - 1)
+        return (nearest[:, 0], nearest[:, 1]), (cell == nearest).all(axis=1)
+
+    @cached_property
+    def lowest(self) -> float:
+        """The lowest height; a speck of the mesh below the ground is none."""
+        return float(median_filter(self.heights, 3).min())
 
 
 @dataclass(frozen=True)
@@ -61,8 +76,8 @@ class Site:
     """samples: places on ground, roofs and walls, each of the same area. in_hole: where the mesh has nothing.
 
     ground: fitted under all. height: usual, of the flight above the ground. picture: side of the ground in a picture.
-    roof: the highest surface of the area and its surroundings. floor: nothing flies below it. lawful: height above the ground
-    beyond which nothing flies that the flight did not; infinite where no metre is known.
+    margin: least distance above what is near. lawful: height above the ground beyond which nothing flies that the flight did
+    not, but to keep the margin; infinite where no metre is known.
     """
 
     area: Area
@@ -72,9 +87,18 @@ class Site:
     ground: GroundModel
     height: float
     picture: float
-    roof: float
-    floor: float
+    margin: float
     lawful: float
+
+    @property
+    def roof(self) -> float:
+        """The highest thing of the area and its surroundings."""
+        return float(self.area.tops.max())
+
+    @property
+    def floor(self) -> float:
+        """The height that keeps the margin above all of the area and its surroundings."""
+        return self.roof + self.margin
 
     @cached_property
     def _across(self) -> KDTree:
@@ -88,10 +112,23 @@ class Site:
         """Return the samples within half a picture of each place."""
         return self._across.query_ball_point(xy, self.picture / 2).tolist()
 
-    def flown(self, xy: Float[np.ndarray, "*n 2"], higher: float = 1.0) -> Float[np.ndarray, "*n 3"]:
-        """Return where to fly over places: so many times as high above the ground as before, never below the floor."""
-        z = np.maximum(self.ground.height_at(xy) + self.height_flown(higher), self.floor)
-        return np.concatenate([xy, z[..., None]], axis=-1)
+    def flown(self, xy: Float[np.ndarray, "n 2"], higher: float = 1.0) -> Float[np.ndarray, "n 3"]:
+        """Return where to fly over places: so many times as high above the ground as before, never below the floor there."""
+        z = np.maximum(self.ground.height_at(xy) + self.height_flown(higher), self.floor_at(xy))
+        return np.column_stack([xy, z])
+
+    def floor_at(self, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Return below which height nothing flies over places.
+
+        The margin above all within half a picture, or the margin, and above the highest roof if it stood there on the ground.
+        """
+        return self._floors[self.area.cell_of(xy)[0]]
+
+    @cached_property
+    def _floors(self) -> Float[np.ndarray, "y x"]:
+        near, tops = int(np.ceil(max(self.picture / 2, self.margin) / self.area.cell)), self.area.tops
+        ground = self.ground.height_at(self.area.middle(np.ones_like(self.area.wanted))).reshape(tops.shape)
+        return np.maximum(maximum_filter(tops, 2 * near + 1), ground + (tops - ground).max()) + self.margin
 
     def height_flown(self, higher: float) -> float:
         """Return so many times the usual height of the flight above the ground, as far as that is lawful."""
@@ -101,7 +138,7 @@ class Site:
 def site_of(mesh: Mesh, views: Views, points_in_world: Float[np.ndarray, "p 3"], margin: float | None) -> Site:
     """Return the ground of a flight; raises InputError where no ground is found, or no camera looks at it.
 
-    margin: least distance above the highest roof; None for a share of the flight's height, where no metre is known.
+    margin: least distance above what is near; None for a share of the flight's height, where no metre is known.
     """
     ground = fit_ground(points_in_world.astype(float), np.random.default_rng(_SEED))
     eyes, looks = centres(views.cam_from_world), forward(views.cam_from_world)
@@ -112,38 +149,61 @@ def site_of(mesh: Mesh, views: Views, points_in_world: Float[np.ndarray, "p 3"],
         raise InputError("no photograph looks at the ground", "give photographs that look down")
     looked_at = (eyes + np.where(meets, away, 0.0)[:, None] * looks)[meets, :2]
     picture = height * float(np.median(views.size.min(axis=1) / views.intrinsics[:, 0]))
+    ahead = float(np.median(np.linalg.norm(looked_at - eyes[meets, :2], axis=1)))
+    # Tilted cameras that look into the area stand outside it
+    around = max(2 * picture, HIGHER * min(ahead, height) + picture / 2)
     surface = Raycaster(mesh.xyz.astype(float), mesh.triangles)
-    area = _area(looked_at, eyes[:, :2], picture, surface, ground, float(mesh.xyz[:, 2].max()) + 1)
-    roof = float(median_filter(area.heights, 3).max())  # a speck of the mesh above the roofs is none
-    floor = roof + (_MARGIN_SHARE * height if margin is None else margin)
+    area = _area(looked_at, eyes[:, :2], picture, around, surface, ground, mesh)
     samples, in_hole = _samples(area, mesh)
-    lawful = np.inf if margin is None else _LAWFUL_M
-    return Site(area, samples, in_hole, surface, ground, height, picture, roof, floor, lawful)
+    kept = _MARGIN_SHARE * height if margin is None else margin
+    return Site(area, samples, in_hole, surface, ground, height, picture, kept, np.inf if margin is None else _LAWFUL_M)
 
 
 def _area(
     looked_at: Float[np.ndarray, "n 2"],
     eyes: Float[np.ndarray, "n 2"],
     picture: float,
+    around: float,
     surface: Raycaster,
     ground: GroundModel,
-    above: float,
+    mesh: Mesh,
 ) -> Area:
     both = np.concatenate([looked_at, eyes])
-    low, high = both.min(axis=0) - 2 * picture, both.max(axis=0) + 2 * picture
+    low, high = both.min(axis=0) - around, both.max(axis=0) + around
     cell = max(picture / _CELLS, float((high - low).max()) / _MOST_CELLS)
     columns, rows = np.ceil((high - low) / cell).astype(int)
     looked = np.zeros((rows, columns), bool)
     looked[tuple(np.floor((looked_at - low) / cell).astype(int).T[::-1])] = True
-    area = Area(low, cell, looked, np.zeros((rows, columns)), looked)
+    area = Area(low, cell, looked, np.zeros((rows, columns)), np.zeros((rows, columns)), looked)
     xy = area.middle(np.ones_like(looked))
     with suppress(QhullError):  # all in a line: they enclose nothing
         looked |= (Delaunay(looked_at).find_simplex(xy) >= 0).reshape(looked.shape)
     wanted = _grown(looked, picture / 4 / cell)
+    above = float(mesh.xyz[:, 2].max()) + 1
     hits = surface.cast(np.column_stack([xy, np.full(len(xy), above)]), np.array([0.0, 0.0, -1.0]))
     hit = hits.triangle >= 0
     heights = np.where(hit, above - hits.distance, ground.height_at(xy)).reshape(wanted.shape)
-    return Area(low, cell, wanted, heights, wanted & ~hit.reshape(wanted.shape))
+    area = Area(low, cell, wanted, heights, heights, wanted & ~hit.reshape(wanted.shape))
+    return replace(area, tops=_tops(area, mesh, hits.triangle.reshape(wanted.shape)))
+
+
+def _tops(area: Area, mesh: Mesh, triangle: Int[np.ndarray, "y x"]) -> Float[np.ndarray, "y x"]:
+    """Return the height of the highest thing in each cell. triangle: that is met there from above, -1 where none is.
+
+    A piece of the mesh that hangs loose is none: it is nowhere within a cell of the surface as it is without narrow things.
+    """
+    smooth = median_filter(area.heights, 3)
+    cell, inside = area.cell_of(mesh.xyz[:, :2])
+    edges = mesh.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+    net = coo_array((np.ones(len(edges), bool), tuple(edges.T)), (len(mesh.xyz), len(mesh.xyz)))
+    pieces, piece = connected_components(net, directed=False)
+    nearest = np.full(pieces, np.inf)
+    np.minimum.at(nearest, piece, np.where(inside, mesh.xyz[:, 2] - smooth[cell], -np.inf))
+    loose = nearest[piece] > area.cell
+    tops = np.where((triangle >= 0) & loose[mesh.triangles[triangle, 0]], smooth, area.heights)
+    up = inside & ~loose
+    np.maximum.at(tops, (cell[0][up], cell[1][up]), mesh.xyz[up, 2])
+    return tops
 
 
 def _grown(cells: Bool[np.ndarray, "y x"], by: float) -> Bool[np.ndarray, "y x"]:

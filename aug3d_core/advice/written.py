@@ -23,7 +23,7 @@ def write_advice(plan: Plan, scene: str, folder: Path, page: Callable[[Sequence[
     files = {TABLE: listing(advised, points).encode()}
     if points:
         files |= {GEOJSON: geojson(points, advised).encode(), KML: kml(points, f"Photographs to take: {scene}")}
-        files |= dict(missions(points, MISSION))
+        files |= dict(missions(points, MISSION, plan.clear_height))
     files[PAGE] = page(list(files)).encode()
     for name, content in files.items():
         write_synced(folder / name, content)

@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from aug3d_core.advice import choice
 from aug3d_core.advice.choice import HIGHER, Choice, asked_for, candidates, chosen, pose, usual_look
-from aug3d_core.advice.site import Site
+from aug3d_core.advice.site import Site, site_of
 from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.geometry.views import Views
-from tests.advice.flown_site import HIGH_M, ROOF_M, site, views
+from aug3d_core.run.errors import InputError
+from tests.advice.flown_site import HIGH_M, PICTURE_M, ROOF_M, ground_points, mesh, orbit, site, views
 
 
 def quiet(what: str, done: int, total: int) -> None:
@@ -122,8 +124,33 @@ def test_photographs_are_taken_from_a_little_higher_as_far_as_is_lawful(
 def test_no_candidate_stands_below_the_margin_or_looks_past_the_site() -> None:
     place = site(roof_m=80.0)
     stand, turn = candidates(place, views(), np.ones(len(place.samples.xyz)))
-    assert (stand[:, 2] >= 95 - 1e-6).all() and (turn[:, 1] == -90).all()
+    near = np.abs(stand[:, :2] - 40).max(axis=1) < 10 + PICTURE_M / 2
+    assert (stand[near, 2] >= 95 - 1e-6).all() and near.any() and (turn[:, 1] == -90).all()
     assert site().flown(np.zeros((1, 2)))[0, 2] == pytest.approx(HIGH_M, abs=0.2) and ROOF_M + 15 < HIGH_M
+
+
+@pytest.mark.parametrize(
+    "tilt_deg, focal_px, count", [(45.0, 500.0, 40), (30.0, 500.0, 40), (45.0, 1500.0, 40), (45.0, 1500.0, 6)]
+)
+def test_a_tilted_camera_stands_as_far_before_its_aim_as_it_must(tilt_deg: float, focal_px: float, count: int) -> None:
+    flown = orbit(tilt_deg, focal_px).take(np.arange(count))
+    place = site_of(mesh(), flown, ground_points(), 15.0)
+    stand, turn = candidates(place, flown, np.ones(len(place.samples.xyz)), HIGHER)
+    step, wanted = place.picture / 4, place.area.middle(place.area.wanted)
+    for yaw in np.unique(turn[:, 0]):
+        here = turn[:, 0] == yaw
+        towards = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
+        aims = stand[here, :2] + towards * HIGHER * HIGH_M * np.tan(np.radians(tilt_deg))
+        assert KDTree(aims).query(wanted)[0].max() < 1.5 * step, "each place is aimed at"
+    assert place.area.cell_of(stand[:, :2])[1].all(), "it is known what stands there"
+    assert len(chosen(place, flown, np.ones(len(place.samples.xyz)), 3, quiet).advised)
+
+
+def test_where_no_view_shows_the_site_that_is_said() -> None:
+    place = site()
+    turned = replace(place, samples=replace(place.samples, normal=-place.samples.normal))
+    with pytest.raises(InputError, match="no view like the flight's own shows any of the ground"):
+        advice(turned, 0.0)
 
 
 @pytest.mark.parametrize("yaw, tilt", [(0.0, 0.0), (20.0, 12.0), (179.0, 30.0)])

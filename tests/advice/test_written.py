@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from aug3d_core.advice.choice import Advised, Choice
 from aug3d_core.advice.mission import waypoints
 from aug3d_core.advice.page import advice_page, caution, verdict
 from aug3d_core.advice.plan import Plan, plan_of
+from aug3d_core.advice.route import along
 from aug3d_core.advice.written import write_advice
 from aug3d_core.run.errors import StoreError
-from tests.advice.flown_site import ORIGIN, mesh, write_scene
+from tests.advice.flown_site import ORIGIN, mesh, site, views, write_scene
 
 
 def written(plan: Plan, folder: Path) -> str:
@@ -45,6 +48,32 @@ def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
 def test_where_nothing_is_missing_there_is_a_page(tmp_path: Path) -> None:
     plan = plan_of(*write_scene(tmp_path), [], 0, 15.0)
     assert 'class="new"' not in written(plan, tmp_path / "advice") and caution(plan) == ""
+
+
+def by_hand(*advised: Advised, missing: float = 0.3, roof_m: float = 9.0) -> Plan:
+    place = site(50.0, roof_m)
+    nothing = np.zeros(len(place.samples.xyz))
+    choice = Choice(advised, (missing,) * (len(advised) + 1), nothing, nothing)
+    return Plan(place, views(50.0), choice, "m", np.array([*ORIGIN.values()]))
+
+
+def test_where_much_is_missing_and_nothing_helps_it_is_not_said_that_nothing_is_missing() -> None:
+    assert verdict(by_hand()).startswith("30% is missing of views like the flight's, but no photograph")
+    assert verdict(by_hand(missing=0.001)).startswith("Nothing is missing")
+
+
+def test_the_way_keeps_the_margin_over_what_it_passes(tmp_path: Path) -> None:
+    plan = plan_of(*write_scene(tmp_path, skipped_m=50.0, roof_m=90.0), [], 12, 15.0)
+    way = along(np.array([one.xyz for one in plan.choice.advised]), 1.0)
+    assert np.allclose(way[:, 2], 105, atol=0.1)
+
+
+@pytest.mark.parametrize("roof_m, too_high", [(90.0, False), (120.0, True)])
+def test_where_the_margin_takes_the_drone_too_high_that_is_said(roof_m: float, too_high: bool) -> None:
+    up_m = roof_m + 15
+    said = caution(by_hand(Advised(1, (40.0, 40.0, up_m), 0.0, -90.0, 0.1, 0.5, 0.0, 1.0), roof_m=roof_m))
+    assert (f"comes and goes {up_m:.0f} m above the take-off point: 15 m above all" in said) == too_high
+    assert (f"up to {up_m:.0f} m above the ground" in said) == too_high
 
 
 def test_below_which_altitude_nobody_may_take_off(tmp_path: Path) -> None:
