@@ -29,9 +29,11 @@ _LEAST_OVERLAP, _WANTED_OVERLAP = 0.4, 0.6  # where the study of stability break
 _WANTED_SIDEWAYS, _JOINED = 0.35, 0.1  # of photographs of other lines; of those that can be joined at all
 _APART = 6  # so many photographs later it is another line
 _TOO_OFTEN = 0.15  # share of the steps that makes something a habit
+_MOST_LOST = 0.5  # share of the photographs that show nothing of the next one
 _STILL = 0.02  # of the width: the picture did not move
 _FLIGHTS_APART = timedelta(minutes=30)
 _ONE_PLACE_M = 2.0
+_LEAST_POSITIONS = 3  # that give a scene metres and north
 _GAPS = 0.02  # share of the enclosed ground
 
 
@@ -93,7 +95,8 @@ def _named(survey: Survey, which: Bool[np.ndarray, " n"]) -> tuple[str, ...]:
 def _count(survey: Survey) -> Iterator[Finding]:
     least, count = PhotosConfig().min_photos, len(survey.photos)
     if count < least:
-        yield Finding("stop", f"{count} usable photographs; at least {least} are needed.", "Take more.")
+        usable = _say(count, "usable photograph", "usable photographs")
+        yield Finding("stop", f"{usable}; at least {least} are needed.", "Take more.")
     elif count < _WANTED:
         yield Finding(
             "warn",
@@ -108,14 +111,18 @@ def _unusable(survey: Survey) -> Iterator[Finding]:
         reasons = sorted({reason.partition(":")[0] for reason in survey.unusable.values()})
         yield Finding(
             "stop" if grave else "warn",
-            f"{_photographs(len(survey.unusable))} cannot be used ({', '.join(reasons)}).",
+            f"{_say(len(survey.unusable), 'photograph', 'photographs')} cannot be used ({', '.join(reasons)}).",
             "Copy damaged ones from the card again. The rest may stay: a run leaves them out.",
             tuple(survey.unusable),
         )
     if survey.same:
         yield Finding(
             "note",
-            f"{_photographs(len(survey.same))} have the same bytes as another one and are left out.",
+            _say(
+                len(survey.same),
+                "photograph has the same bytes as another one and is left out.",
+                "photographs have the same bytes as another one and are left out.",
+            ),
             "Nothing.",
             tuple(survey.same),
         )
@@ -124,12 +131,18 @@ def _unusable(survey: Survey) -> Iterator[Finding]:
 def _masks(survey: Survey) -> Iterator[Finding]:
     if survey.masked:
         yield Finding(
-            "note", f"{_photographs(len(survey.masked))} have a mask, which this look does not heed.", "Nothing."
+            "note",
+            f"{_say(len(survey.masked), 'photograph has', 'photographs have')} a mask, which this look does not heed.",
+            "Nothing.",
         )
     if survey.stray_masks:
         yield Finding(
             "warn",
-            f"{len(survey.stray_masks)} masks lie beside no photograph and mask nothing.",
+            _say(
+                len(survey.stray_masks),
+                "mask lies beside no photograph and masks nothing.",
+                "masks lie beside no photograph and mask nothing.",
+            ),
             "Name the mask of IMG_1.JPG IMG_1_mask.png, and put it beside it.",
             tuple(survey.stray_masks),
         )
@@ -139,8 +152,12 @@ def _blur(survey: Survey) -> Iterator[Finding]:
     if (soft := blurred(survey)).any():
         yield Finding(
             "warn",
-            f"{_photographs(soft.sum())} much less sharp than those around them.",
-            "Look at them; delete what is blurred, unless it leaves a gap.",
+            _say(
+                soft.sum(),
+                "photograph is much less sharp than its neighbours.",
+                "photographs are much less sharp than their neighbours.",
+            ),
+            f"Look at {_them(soft)}; delete what is blurred, unless it leaves a gap.",
             _named(survey, soft),
         )
 
@@ -151,8 +168,12 @@ def _exposure(survey: Survey) -> Iterator[Finding]:
     if (unlike := exposed_unlike(survey)).any():
         yield Finding(
             "warn",
-            f"{_photographs(unlike.sum())} much brighter or darker than those around them.",
-            "Look at them; such a picture is evened out, as far as it can be.",
+            _say(
+                unlike.sum(),
+                "photograph is much brighter or darker than its neighbours.",
+                "photographs are much brighter or darker than their neighbours.",
+            ),
+            f"Look at {_them(unlike)}; such a picture is evened out, as far as it can be.",
             _named(survey, unlike),
         )
     darkest, brightest = np.quantile(_brightness(survey), [0.1, 0.9])
@@ -166,7 +187,7 @@ def _exposure(survey: Survey) -> Iterator[Finding]:
     if burnt.any():
         yield Finding(
             "warn",
-            f"{_photographs(burnt.sum())} white over more than {_BURNT:.0%} of the picture.",
+            f"{_say(burnt.sum(), 'photograph is', 'photographs are')} white over more than {_BURNT:.0%} of the picture.",
             "Expose less: what is white has no detail to match.",
             _named(survey, burnt),
         )
@@ -182,28 +203,36 @@ def _cameras(survey: Survey) -> Iterator[Finding]:
     if unknown:
         yield Finding(
             "note",
-            f"{_photographs(unknown)} without focal length in EXIF.",
+            f"{_say(unknown, 'photograph has', 'photographs have')} no focal length in EXIF.",
             "Use the camera's originals if you have them: a known focal length is a better start.",
         )
 
 
 def _positions(survey: Survey) -> Iterator[Finding]:
     ground = survey.ground
-    known = sum(np.isfinite(photo.exif.lat_deg) for photo in survey.photos)
-    if ground is None:
+    without = np.array([not np.isfinite(photo.exif.lat_deg) for photo in survey.photos], bool)
+    if without.all():
         yield Finding(
             "note",
             "No positions by GPS: the scene will have no metres and no north, and there is no map here.",
             "Nothing, if you need neither.",
         )
         return
-    if known < len(survey.photos):
-        without = np.array([not np.isfinite(photo.exif.lat_deg) for photo in survey.photos], bool)
-        yield Finding("note", f"{_photographs(without.sum())} without a position.", "Nothing.", _named(survey, without))
+    if without.any():
+        enough = (~without).sum() >= _LEAST_POSITIONS
+        yield Finding(
+            "note",
+            f"{_say(without.sum(), 'photograph has', 'photographs have')} no position.",
+            "Nothing." if enough else f"Nothing, if you need no metres: they take {_LEAST_POSITIONS} positions.",
+            _named(survey, without),
+        )
+    if ground is None:
+        return
     if ground.wild.any():
         yield Finding(
             "warn",
-            f"{_photographs(ground.wild.sum())} with a position that cannot be right: far from those before and after.",
+            f"{_say(ground.wild.sum(), 'photograph has', 'photographs have')} a position that cannot be right: "
+            "far from those before and after.",
             "Nothing: wild positions are left out when the scene is placed.",
             _named(survey, ground.wild),
         )
@@ -225,6 +254,10 @@ def _overlap(survey: Survey) -> Iterator[Finding]:
             "stop", "No photograph shows anything of the next one.", "Fly so that neighbours overlap by 60 % or more."
         )
         return
+    if survey.lost.mean() > _TOO_OFTEN:
+        yield _lost(survey)
+    if survey.lost.mean() > _MOST_LOST:
+        return  # what is left says nothing of the flight
     middle = float(np.median(within))
     if middle < _WANTED_OVERLAP:
         yield Finding(
@@ -236,8 +269,8 @@ def _overlap(survey: Survey) -> Iterator[Finding]:
     if survey.ground is not None and strange.mean() > _TOO_OFTEN:
         yield Finding(
             "warn",
-            f"{strange.sum()} of {len(strange)} neighbours overlap by their positions, but nothing in them was matched: "
-            "leaves, water, sand or blur.",
+            f"In {strange.sum()} of {_say(len(strange), 'pair', 'pairs')} of neighbours nothing was matched, though they "
+            "overlap by their positions: leaves, water, sand or blur.",
             "Photograph more often, or from higher up, so that more of the picture stays the same.",
             _named(survey, np.append(strange, False)),
         )
@@ -245,9 +278,20 @@ def _overlap(survey: Survey) -> Iterator[Finding]:
     if still.mean() > _TOO_OFTEN:
         yield Finding(
             "note",
-            f"{still.sum()} of {len(still)} photographs show what the one before shows: a video, or a drone that hovers.",
+            f"{_some_show(still)} what the one before shows: a video, or a drone that hovers.",
             "Run with --preset auto, which leaves them out.",
         )
+
+
+def _lost(survey: Survey) -> Finding:
+    timed = all(photo.exif.time for photo in survey.photos)
+    to_do = "Fly so that neighbours overlap by 60 % or more. Leaves, water and blur can hide an overlap."
+    return Finding(
+        "stop" if timed and survey.lost.mean() > _MOST_LOST else "warn",  # names may be in any order
+        f"{_some_show(survey.lost)} nothing of the next one{'' if timed else ', in the order of their names'}.",
+        to_do if timed else f"{to_do} Without times, name photographs in the order of capture.",
+        _named(survey, np.append(survey.lost, False)),
+    )
 
 
 def _lines(survey: Survey) -> Iterator[Finding]:
@@ -301,7 +345,7 @@ def _times(survey: Survey) -> Iterator[Finding]:
     if 0 < len(known) < len(times):
         yield Finding(
             "note",
-            f"{_photographs(len(times) - len(known))} without a time: the order is that of the names.",
+            f"{_say(len(times) - len(known), 'photograph has', 'photographs have')} no time: the order is that of the names.",
             "Nothing.",
         )
         return
@@ -315,8 +359,19 @@ def _times(survey: Survey) -> Iterator[Finding]:
         )
 
 
-def _photographs(count: SupportsInt) -> str:
-    return f"{int(count)} photograph{'s' * (int(count) != 1)}"
+def _say(count: SupportsInt, one: str, more: str) -> str:
+    """Say how many of what there are, in the singular for one."""
+    return f"{int(count)} {one if int(count) == 1 else more}"
+
+
+def _them(which: Bool[np.ndarray, " n"]) -> str:
+    return "it" if which.sum() == 1 else "them"
+
+
+def _some_show(which: Bool[np.ndarray, " m"]) -> str:
+    """Say how many of the photographs that have a next one show something."""
+    of = _say(len(which), "photograph", "photographs")
+    return f"{which.sum()} of {of} {'shows' if which.sum() == 1 else 'show'}"
 
 
 def _control(survey: Survey) -> Iterator[Finding]:
@@ -328,7 +383,9 @@ def _control(survey: Survey) -> Iterator[Finding]:
         return
     for note in listed.notes:
         yield Finding("note", f"{note}.", "Nothing, if that is meant.")
-    told = f"{listed.control} control points and {listed.check} check points are marked in {LEAST_MARKS} photographs or more"
+    control = _say(listed.control, "control point", "control points")
+    check = _say(listed.check, "check point", "check points")
+    told = f"{control} and {check} are marked in {LEAST_MARKS} photographs or more"
     if listed.control < LEAST_CONTROL:
         yield Finding("warn", f"{told}.", f"Mark {LEAST_CONTROL} control points or more: else GPS tells the world.")
     else:

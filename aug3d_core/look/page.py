@@ -86,7 +86,8 @@ def _facts(survey: Survey) -> str:
             facts.append(("ground flown", f"{ground.inside.sum() * ground.cell_m**2 / 1e4:.2g} ha"))
     overlaps = survey.overlaps[survey.overlaps > 0]
     if len(overlaps):
-        facts.append(("overlap of neighbours", f"{np.median(overlaps):.0%}"))
+        none = f"; none in {survey.lost.sum()} of {len(survey.lost)}" if survey.lost.any() else ""
+        facts.append(("overlap of neighbours", f"{np.median(overlaps):.0%}{none}"))
     return tag(
         "div", "".join(tag("span", f"{name} {tag('b', escape(value))}") for name, value in facts), class_="facts"
     )

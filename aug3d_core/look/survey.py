@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from aug3d_core.look.control import Listed, listed_points
 from aug3d_core.look.glance import Glance, glances
@@ -47,6 +47,12 @@ class Survey:
             return by_picture
         known = np.isfinite(self.ground.corners_m).all(axis=(1, 2))
         return np.where(known[:-1] & known[1:], self.ground.common.diagonal(1), by_picture)
+
+    @cached_property
+    def lost(self) -> Bool[np.ndarray, " m"]:
+        """Which photographs show nothing of the next one, nor by their ground of any other, as at the end of a line."""
+        nothing = self.overlaps == 0
+        return nothing if self.ground is None else nothing & (self.ground.common.sum(axis=1)[:-1] == 0)
 
 
 def survey_of(folder: Path, progress: Callable[[int, int, str], None]) -> Survey:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from aug3d_core.depth.files import BASELINE_FUSED
 from aug3d_core.factory.plan import later_folds
@@ -20,7 +20,7 @@ from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.metrics.scene_metrics import Made
 from aug3d_core.photos.files import PHOTO_TABLE
-from aug3d_core.report.ground_coverage import overlap_frame, seen_by
+from aug3d_core.report.ground_coverage import enclosed, overlap_frame, seen_by
 from aug3d_core.report.html import PICTURE_PX, picture
 from aug3d_core.report.reads import is_read
 from aug3d_core.report.top_view import Frame, frame_of, from_above
@@ -124,10 +124,20 @@ class ReportedRun:
     @cached_property
     def seen_by(self) -> Int[np.ndarray, "h w"] | None:
         """How many photographs see each piece of the mapped ground; -1 where no surface is known."""
+        return seen_by(*self._mapped, self.views) if self._mapped and self.views is not None else None
+
+    @cached_property
+    def enclosed(self) -> Bool[np.ndarray, "h w"]:
+        """Which pieces of the mapped ground of `seen_by` the flight encloses."""
+        assert self._mapped and self.views is not None, "seen_by is None"
+        return enclosed(*self._mapped, self.views)
+
+    @cached_property
+    def _mapped(self) -> tuple[Float[np.ndarray, "h w"], Frame] | None:
         if self.views is None or self.frame is None:
             return None
         coarse = overlap_frame(self.frame, len(self.views))
-        return seen_by(from_above(*self.ground, coarse)[1], coarse, self.views)
+        return from_above(*self.ground, coarse)[1], coarse
 
     @cached_property
     def unit(self) -> str:

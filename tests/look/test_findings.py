@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image, ImageFilter
 
@@ -71,6 +72,42 @@ def test_a_flight_of_too_little_overlap_will_not_do(tmp_path: Path) -> None:
     assert least[0].weight == "stop" and "will not do" in verdict_of(least)
 
 
+@pytest.mark.parametrize(
+    ("which", "weight", "told"),
+    [
+        ((), "", ""),
+        ((9,), "", ""),  # two steps of 19 touch a place elsewhere
+        ((3, 9), "warn", "4 of 19 photographs show nothing of the next one."),
+        (tuple(range(1, 14, 2)), "stop", "14 of 19 photographs show nothing of the next one."),
+        (tuple(range(20)), "stop", "No photograph shows anything of the next one."),
+    ],
+)
+def test_without_positions_photographs_that_show_nothing_of_the_next_one_are_counted(
+    tmp_path: Path, which: tuple[int, ...], weight: str, told: str
+) -> None:
+    noise = {f"shot_{i:03d}.jpg": i for i in which}
+
+    def elsewhere(shot: Shot, picture: Image.Image) -> Image.Image:
+        if shot.name not in noise:
+            return picture
+        rng = np.random.default_rng(noise[shot.name])
+        return Image.fromarray(rng.integers(0, 256, (30, 40), dtype=np.uint8)).resize(picture.size)
+
+    findings = [
+        one for one in found(take(tmp_path, lines(5, 4), gps=False, changed=elsewhere)) if "next one" in one.what
+    ]
+    assert [(one.weight, one.what) for one in findings] == [(weight, told)] * bool(told)
+
+
+def test_with_positions_the_end_of_a_line_may_show_nothing_of_the_next_one(tmp_path: Path) -> None:
+    shots = lines(5, 5)
+    northward = [shot for line in range(5) for shot in shots[line * 5 : line * 5 + 5][:: -1 if line % 2 else 1]]
+    back = [replace(shot, time=Shot.time + timedelta(seconds=4 * i)) for i, shot in enumerate(northward)]
+    survey = survey_of(take(tmp_path, back), lambda *_: None)
+    assert (survey.overlaps == 0).sum() == 4 > 0.15 * len(survey.steps) and not survey.lost.any()
+    assert not any("next one" in one.what for one in findings_of(survey))
+
+
 def test_lines_that_lie_too_far_apart_and_parts_that_cannot_be_joined(tmp_path: Path) -> None:
     [far] = found(take(tmp_path / "far", lines(5, across=0.25)))
     assert far.weight == "warn" and "sideways by 2" in far.what
@@ -96,6 +133,14 @@ def test_positions_times_and_flights(tmp_path: Path) -> None:
     assert one.weight == "warn" and "2 flights on 2 days" in one.what
     [one] = found(take(tmp_path / "no gps", shots, gps=False))
     assert one.weight == "note" and "No positions" in one.what
+
+
+def test_one_position_is_not_none(tmp_path: Path) -> None:
+    assert not any("osition" in one.what for one in found(take(tmp_path / "alone", lines(1, 1))))
+    folder = take(tmp_path / "some", lines(5), gps=False)
+    take(folder, lines(5)[:1])
+    [one] = found(folder)
+    assert one.what == "39 photographs have no position." and "no metres" in one.to_do and len(one.names) == 39
 
 
 def test_a_camera_that_only_turns_and_one_that_hovers(tmp_path: Path) -> None:
@@ -130,7 +175,7 @@ def test_a_list_of_control_points_is_checked_before_anything_is_processed(tmp_pa
     file = folder / "gcp_list.txt"
     file.write_text("\n".join(["WGS84 UTM 32N", *marks]))
     (good,) = found(folder)
-    assert good.weight == "note" and good.what.startswith("3 control points and 1 check points are marked")
+    assert good.weight == "note" and good.what.startswith("3 control points and 1 check point are marked")
     file.write_text("\n".join(["WGS84 UTM 32N", *marks[2:]]))
     (few,) = found(folder)
     assert few.weight == "warn" and "GPS tells the world" in few.to_do
@@ -146,3 +191,21 @@ def test_masks_are_counted_and_those_of_no_photograph_are_told(tmp_path: Path) -
     stray, masked = found(tmp_path)
     assert (stray.weight, stray.names) == ("warn", ("shto_003_mask.png",))
     assert (masked.weight, masked.what.split()[0]) == ("note", "2")
+
+
+def test_one_of_a_thing_is_told_in_the_singular(tmp_path: Path) -> None:
+    dark = some(4, by=lambda p: p.filter(ImageFilter.GaussianBlur(3)).point(lambda v: 0.4 * v))
+    folder = take(tmp_path / "flight", lines(5), changed=dark)
+    shutil.copy(folder / "shot_001.jpg", folder / "shot_zz.jpg")
+    for name in ("shot_001_mask.png", "shto_003_mask.png"):
+        Image.new("L", (320, 240), 255).save(folder / name)
+    told = {f"{one.what} {one.to_do}" for one in (*found(folder), *found(take(tmp_path / "one", lines(1, 1))))}
+    assert told >= {
+        "1 photograph is much less sharp than its neighbours. Look at it; delete what is blurred, unless it leaves a gap.",
+        "1 photograph is much brighter or darker than its neighbours. Look at it; such a picture is evened out, as far as it"
+        " can be.",
+        "1 photograph has the same bytes as another one and is left out. Nothing.",
+        "1 mask lies beside no photograph and masks nothing. Name the mask of IMG_1.JPG IMG_1_mask.png, and put it beside it.",
+        "1 photograph has a mask, which this look does not heed. Nothing.",
+        "1 usable photograph; at least 4 are needed. Take more.",
+    }

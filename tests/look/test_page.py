@@ -42,6 +42,15 @@ def test_a_folder_of_broken_files_has_a_page_that_says_so(tmp_path: Path) -> Non
     assert "0 usable photographs" in page and "2 photographs cannot be used" in page and "will not do" in page
 
 
+def test_the_median_overlap_says_where_there_is_none(tmp_path: Path) -> None:
+    shots = lines(5)
+    far = [replace(shot, east_m=90.0) if shot.name == "shot_009.jpg" else shot for shot in shots]
+    assert "; none in" not in looked(take(tmp_path / "good", shots, gps=False))
+    assert re.search(
+        r"overlap of neighbours <b>\d\d%; none in 2 of 39</b>", looked(take(tmp_path / "far", far, gps=False))
+    )
+
+
 @pytest.mark.parametrize("gps", [False, True])
 def test_names_are_text_and_never_markup(tmp_path: Path, gps: bool) -> None:
     name = "<img src=x onerror=alert(1)>&.jpg"

@@ -25,7 +25,7 @@ from tests.report.made_up_run import EVIL, flown, record
 
 EVALUATION = {
     "test_views": 2, "test_psnr_mean": 21.4, "test_psnr_ci_low": 20.9, "test_psnr_ci_high": 22.3,
-    "test_ssim_mean": 0.61,
+    "test_psnr_worst": 17.2, "test_psnr_best": 24.0, "test_ssim_mean": 0.61,
     "group_best": 24.0, "group_low": 17.2, "group_average": 21.3, "cheap_mean_colour": 16.6, "cheap_nearest_copy": 15.0,
     "cheap_ground_homography": 22.7, "cheap_plane_sweep": 22.1, "cheap_mesh_render": None, "cheap_guided_blend": None,
     **{f"over_{name}_ci_{end}": db for name in CHEAP for end, db in (("low", -2.0), ("high", 0.5))},
@@ -148,6 +148,7 @@ def test_folds_are_told_apart_and_the_figures_are_over_all(tmp_path):
     write_report(made, metrics, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "2 folds; every figure covers all of them. By fold: 24.00, 17.00 dB." in page
+    assert "Single photographs: 17.00 to 24.00 dB." in page
     assert "evaluation fold1" in page
     assert page.index("Panel of fold 0") < page.index("Panel of fold 1")
     parser = Balance()

@@ -11,7 +11,7 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool
 
 from aug3d_core.judging.names import called
 from aug3d_core.report.html import percent, tag
@@ -102,40 +102,46 @@ def _pictures(nvs: Mapping[str, Any] | None) -> str:
 
 def _where(run: ReportedRun) -> Iterator[str]:
     """Yield what is not good enough where, as HTML."""
-    if run.seen_by is not None and (thin := thin_words(run.seen_by, run.unit == "m")):
+    if run.seen_by is not None and (thin := (run.seen_by >= 0) & (run.seen_by < ENOUGH)).any():
+        said = thin_words(thin, run.seen_by >= 0, run.enclosed, run.unit == "m")
         told = tag("code", f"aug3d advise {escape(run.metrics['scene'])} DIR")
-        yield f"{thin} {tag('a', 'See the map.', href='#overlap')} {told} says which photographs to take next."
+        yield f"{said} {tag('a', 'See the map.', href='#overlap')} {told} tells what to photograph next within the flight."
     placed, photos = run.metric("sfm", "registered"), run.metric("sfm", "photos")
     if isinstance(placed, int) and isinstance(photos, int) and placed < photos:
-        yield f"{photos - placed} of {photos} photographs have no pose. " + tag("a", "See which.", href="#cameras")
+        verb = "has" if photos - placed == 1 else "have"
+        yield f"{photos - placed} of {photos} photographs {verb} no pose. " + tag("a", "See which.", href="#cameras")
     views = tested(run)
     if len(views):
         low = views.sort_values("psnr").iloc[0]
         photo_id, psnr_db = int(low["photo_id"]), float(low["psnr"])
-        name = escape(run.called(photo_id))
+        named = f"{escape(run.names[photo_id])} (number {photo_id})" if photo_id in run.names else f"number {photo_id}"
         said = (
-            f"Of {len(views)} held-out photographs {name} is predicted worst: {psnr_db:.1f} dB, {off_words(psnr_db)}."
+            f"Of the {len(views)} held-out photographs, {named} is predicted worst"
+            if len(views) > 1
+            else f"The one held-out photograph, {named}, is predicted"
         )
-        yield said + " " + tag("a", "See all.", href="#test") + pair(run, photo_id, int(low["fold"]), psnr_db)
+        yield (
+            f"{said}: {psnr_db:.1f} dB, {off_words(psnr_db)}. "
+            + tag("a", "See all.", href="#test")
+            + pair(run, photo_id, int(low["fold"]), psnr_db)
+        )
 
 
-def thin_words(seen: Int[np.ndarray, "h w"], compass: bool) -> str:
-    """Say how much ground few photographs see, and in which ninth of the map most of it lies; "" if there is none.
+def thin_words(
+    thin: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"], inside: Bool[np.ndarray, "h w"], compass: bool
+) -> str:
+    """Say how much ground few photographs see, whether most of it is beyond the flight, and in which ninth of the map.
 
-    seen: photographs that see each piece, row 0 in the north; -1 where no ground is known.
+    thin: pieces that few see, row 0 in the north. known: mapped pieces. inside: those that the flight encloses.
     """
-    known = seen >= 0
-    thin = known & (seen < ENOUGH)
-    if not thin.any():
-        return ""
-    parts = [
-        (int(thin[rows].sum()), int(known[rows].sum()), row, column)
-        for row, rows_of in enumerate(np.array_split(np.arange(seen.shape[0]), 3))
-        for column, columns_of in enumerate(np.array_split(np.arange(seen.shape[1]), 3))
-        for rows in [np.ix_(rows_of, columns_of)]
-    ]
-    some, ground, row, column = max(parts)
-    named = [word if compass else _ON_THE_MAP[word] for word in (_ROWS[row], _COLUMNS[column]) if word]
+    beyond = (thin & ~inside).sum() > (thin & inside).sum()
+    most = thin & (~inside if beyond else inside)
+    ninths = {
+        (row, column): most[np.ix_(rows, columns)].sum()
+        for row, rows in zip(_ROWS, np.array_split(np.arange(thin.shape[0]), 3), strict=True)
+        for column, columns in zip(_COLUMNS, np.array_split(np.arange(thin.shape[1]), 3), strict=True)
+    }
+    named = [word if compass else _ON_THE_MAP[word] for word in max(ninths, key=lambda ninth: ninths[ninth]) if word]
     place = (
         "in the middle"
         if not named
@@ -143,9 +149,10 @@ def thin_words(seen: Int[np.ndarray, "h w"], compass: bool) -> str:
         if compass
         else f"at the {' '.join(named)} of the map"
     )
-    share, there = percent(float(thin.sum() / known.sum())), percent(some / ground)
-    said = f"{share} of the mapped ground is in fewer than {ENOUGH} photographs"
-    return f"{said}, most of it {place}, where {there} of the ground is."
+    said = f"{percent(float(thin.sum() / known.sum()))} of the mapped ground is in fewer than {ENOUGH} photographs, most of it"
+    if beyond:
+        return f"{said} beyond the edge of the flight, above all {place}: fly further out there if you need it."
+    return f"{said} within the flight, above all {place}."
 
 
 def _to_do(run: ReportedRun, judged: Sequence[Verdict]) -> list[str]:

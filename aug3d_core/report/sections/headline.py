@@ -79,14 +79,14 @@ def _beside_cheap(nvs: Mapping[str, Any]) -> str:
     rows += [Bar(called(name), value, f"{value:.2f} dB") for value, name in cheap]
     rows += [Bar(called(name), None, "no answer") for name, value in nvs["cheap"].items() if value is None]
     folds = nvs.get("fold_psnr_means", [])
+    each_db = f" Single photographs: {nvs['test_psnr_worst']:.2f} to {nvs['test_psnr_best']:.2f} dB."
     words = [
         tag("div", f"{model:.2f} <small>dB PSNR</small>", class_="big"),
         tag("p", _verdict(model, cheap, nvs["over_ci"])),
         tag(
             "p",
             f"{_tested(nvs['test_views'], ends)},"
-            f" SSIM {nvs['test_ssim_mean']:.3f}. Groups: best {nvs['groups']['best']:.2f}, lowest"
-            f" {nvs['groups']['low']:.2f}, average {nvs['groups']['average']:.2f} dB.",
+            f" SSIM {nvs['test_ssim_mean']:.3f}.{each_db if nvs['test_views'] > 1 else ''}",
             class_="dim",
         ),
     ]

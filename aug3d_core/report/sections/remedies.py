@@ -18,5 +18,6 @@ REMEDIES = {
     "renders": "Virtual views tells why renders were left out: mostly for holes of the mesh, which more overlap fills.",
     "leaks": "Do not quote the score before the check that failed is understood (Data set).",
     "views": "Try --preset auto. More photographs help most: aug3d advise SCENE tells from where.",
-    "model": "Use the simpler answer. More held-out photographs decide what is open.",
+    "undecided": "Nothing is decided: more held-out photographs would decide it.",
+    "simpler": "Use the simpler answer.",
 }

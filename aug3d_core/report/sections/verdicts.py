@@ -152,7 +152,8 @@ def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[st
         "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
     )
     interval = f" ({ends[0]:+.2f} to {ends[1]:+.2f})" if ends else ""
-    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB{interval}", bounds, MODEL, REMEDIES["model"])
+    to_do = REMEDIES["simpler" if ends and ends[1] < 0 else "undecided"]
+    return Verdict(what, light, f"{model - cheap[best]:+.2f} dB{interval}", bounds, MODEL, to_do)
 
 
 def off_words(psnr_db: float) -> str:
