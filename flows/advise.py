@@ -13,9 +13,9 @@ from rich.console import Console
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.judging.files import COMPARED
 from aug3d_core.sfm.files import POINTS, VIEWS, WORLD
-from aug3d_core.store.scenes import last_version, object_of, records_of
-from aug3d_core.store.store import Store
+from aug3d_core.store.scenes import object_of, records_of
 from aug3d_core.surface.files import BASELINE_MESH
+from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ _NO_GPS = (
 
 
 def advise(
-    scene: Annotated[str, typer.Argument(help="Name of a scene with a mesh.")],
+    scene: Annotated[str, typer.Argument(help="Name of a scene with a mesh, or SCENE@VERSION.")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
     photos: Annotated[int, typer.Option(min=1, max=2000, help="How many photographs can be taken.")] = 20,
     margin_m: Annotated[
@@ -51,9 +51,9 @@ def advise(
         from aug3d_core.advice.written import write_advice
         from aug3d_core.geometry.ply import Mesh
 
-        store = Store(home)
+        store = read_store(home)
         with store.using(), Console(stderr=True).status("looking at the site ...") as status:
-            version = last_version(store, scene)
+            version = version_with(store, scene, "sfm", "surface")
             sfm = store.files_dir(object_of(store, version, "sfm"), [VIEWS, POINTS, WORLD])
             surface = store.files_dir(object_of(store, version, "surface"), [BASELINE_MESH])
             judged = [record for record in records_of(store, version).values() if record.stage == "evaluation"]

@@ -22,8 +22,9 @@ from aug3d_core.run.garbage import collect_seldom
 from aug3d_core.run.limits import limits_from
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
-from aug3d_core.store.scenes import bring_report, last_version, object_of, paths_here, records_before, versions
+from aug3d_core.store.scenes import bring_report, newest_with, object_of, paths_here, records_before, version_metrics
 from aug3d_core.store.store import Store
+from aug3d_core.store.version_name import find_version
 from flows.advise import advise
 from flows.bench import bench
 from flows.collections import collections
@@ -37,8 +38,10 @@ from flows.open import open_report
 from flows.plan import checked_plan, expected_times, following, nothing_to_do
 from flows.plan_table import print_plan
 from flows.predict import predict
-from flows.preflight import check_servers
+from flows.preflight import check_servers, check_weights
+from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
+from flows.registered import as_registered, tell_of_file
 from flows.scenes import scenes
 from flows.server import prefect_server
 from flows.settings import OURS, apply_local_environment, reach_this_machine_directly
@@ -55,9 +58,9 @@ from flows.view import view
 app = typer.Typer(
     name="aug3d",
     help="From drone photographs to a trained view-synthesis model, and the truth about how good it is.\n\n"
-    "Start with [bold]aug3d demo[/], then [bold]aug3d run my_scene --photos DIR[/].",
+    "Start with **aug3d demo**, then **aug3d run my_scene --photos DIR**.",
     no_args_is_help=True,
-    rich_markup_mode="rich",
+    rich_markup_mode="markdown",  # of rich's own, units in brackets would be taken for styles
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -65,28 +68,41 @@ Home = Annotated[
     Path, typer.Option("--home", envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.", show_default=True)
 ]
 Preset = Annotated[str, typer.Option(help=SIZES)]
+DEFAULT_PRESET = "tiny"
 Set = Annotated[
     list[str],
     typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
+Version = Annotated[
+    str, typer.Argument(metavar="SCENE", help="Name of the scene, or SCENE@VERSION as in aug3d compare.")
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed, and what it takes, and stop.")]
 DEFAULT_HOME = Path("aug3d_data")
+# The last step that each format is written from; others take poses and photographs
+_MADE_OF = {DTU: "dataset", MAP: "surface", GLB: "surface", CLOUD: "depth"}
 
 
 @app.command()
 def demo(
-    home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False, dry_run: DryRun = False
+    home: Home = DEFAULT_HOME,
+    preset: Preset = DEFAULT_PRESET,
+    set_: Set = [],
+    as_json: AsJson = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Run the whole factory on the built-in town: minutes on 2 cores. A second time nothing is computed again."""
     with typed_errors(as_json, home, goes_on=True):
-        _run("demo", Material(), home, preset, set_, as_json, dry_run)
+        _run("demo", Material(), preset, scene_config(preset, set_), home, as_json, dry_run)
 
 
 @app.command()
 def run(
     scene: Annotated[str, typer.Argument(help="Name of the scene: letters, digits, '-' and '_'.")],
-    photos: Annotated[Path, typer.Option(help="Folder of photographs (JPEG, PNG, TIFF; subfolders too).")],
+    photos: Annotated[
+        Path | None,
+        typer.Option(help="Folder of photographs (JPEG, PNG, TIFF; subfolders too). A registered scene needs none."),
+    ] = None,
     poses: Annotated[
         Path | None,
         typer.Option(
@@ -94,34 +110,41 @@ def run(
         ),
     ] = None,
     home: Home = DEFAULT_HOME,
-    preset: Preset = "tiny",
+    preset: Annotated[
+        str | None, typer.Option(help=SIZES, show_default=f"{DEFAULT_PRESET}, or what the registry says")
+    ] = None,
     set_: Set = [],
     as_json: AsJson = False,
     dry_run: DryRun = False,
 ) -> None:
     """Run the whole factory on your photographs.
 
+    A registered scene needs no more than its name: without --photos, what is not said here is as its file says.
+
     Killed half way? Run the same command again: finished stages are not computed twice.
     """
     with typed_errors(as_json, home, goes_on=True):
         check_scene_name(scene)
-        if not photos.is_dir():
+        if photos is None:
+            material, preset, config = as_registered(home, scene, poses, preset, set_)
+        elif not photos.is_dir():
             what = "is a file, not a folder" if photos.exists() else "does not exist"
             raise UsageError(f"--photos {photos} {what}", "give the folder that holds the photographs")
-        material = Material(photos=photos.resolve(), poses=poses.resolve() if poses else None)
-        _run(scene, material, home, preset, set_, as_json, dry_run)
+        else:
+            material = Material(photos=photos.resolve(), poses=poses.resolve() if poses else None)
+            preset = preset or DEFAULT_PRESET
+            config = scene_config(preset, set_)
+        _run(scene, material, preset, config, home, as_json, dry_run)
 
 
 @app.command()
-def show(
-    scene: Annotated[str, typer.Argument(help="Name of the scene.")], home: Home = DEFAULT_HOME, as_json: AsJson = False
-) -> None:
+def show(scene: Version, home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """Show what exists of a scene, what it cost, how good it is, and where the report is."""
     with typed_errors(as_json, home):
-        store = Store(home)
-        tell_of_damage(store, scene)
-        metrics = last_version(store, scene)
-        version = versions(store, scene)[-1]
+        store = read_store(home)
+        tell_of_damage(store, scene.partition("@")[0])
+        version = find_version(store, scene)
+        metrics = version_metrics(version)
         bring_report(store, version)
         metrics |= {"paths": paths_here(store, version, metrics)}
         if as_json:
@@ -129,11 +152,13 @@ def show(
         else:
             print_summary(Console(), metrics)
             _print_failure(metrics)
+            if "failure" in metrics and "@" not in scene:
+                _print_earlier(store, scene, home)
 
 
 @app.command("export")
 def export_scene(
-    scene: Annotated[str, typer.Argument(help="Name of the scene.")],
+    scene: Version,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder to write to.")],
     form: Annotated[
         str, typer.Option("--format", help=f"For which tools: {COLMAP}, {NERFSTUDIO}, {DTU}, {MAP}, {GLB} or {CLOUD}.")
@@ -153,9 +178,9 @@ def export_scene(
     )
 
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         with store.using():
-            version = last_version(store, scene)
+            version = version_with(store, scene, _MADE_OF.get(form, "sfm"))
             if form == DTU:
                 export_groups(store.files_dir(object_of(store, version, "dataset")), folder, as_json)
                 return
@@ -189,11 +214,13 @@ def doctor(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
 
 
 def _run(
-    scene: str, material: Material, home: Path, preset: str, overrides: list[str], as_json: bool, dry_run: bool
+    scene: str, material: Material, preset: str, config: SceneConfig, home: Path, as_json: bool, dry_run: bool
 ) -> None:
-    stages = material.stages()  # poses that cannot be read are told before anything is started
-    config = scene_config(preset, overrides)
-    store = Store(home)
+    # Poses and weights that cannot be read are told before anything is started
+    stages = material.stages()
+    check_weights(config)
+    store, console = Store(home), Console(stderr=as_json)
+    tell_of_file(console, store, scene, material, preset, config)
     if dry_run:
         print_plan(store, scene, material, config, as_json)
         return
@@ -201,7 +228,6 @@ def _run(
     limits_from(os.environ)
     check_servers()
     apply_local_environment(store.root)
-    console = Console(stderr=as_json)
     tell_of_damage(store, scene)
     with store.using():
         # A run that does not fit is refused before a server starts.
@@ -253,6 +279,14 @@ def _print_failure(metrics: dict[str, Any]) -> None:
         Console().print(
             f"[red]failed[/] {escape(metrics['failure']['problem'])}\n  -> {escape(metrics['failure']['remedy'])}"
         )
+
+
+def _print_earlier(store: Store, scene: str, home: Path) -> None:
+    """Say how to see the newest version that has a tested model, where the last run ended before."""
+    metrics, earlier = newest_with(store, scene, "evaluation")
+    if earlier:
+        name = Path(metrics["paths"]["metrics"]).parent.name
+        print(f"\nnext  {command(home, 'show', f'{scene}@{name}')}   (its newest version with a tested model)")
 
 
 def _print_next(scene: str, home: Path) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from pydantic import ValidationError
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -21,19 +20,20 @@ from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.towns import town_works
 from aug3d_core.collections.versions import version_metrics, versions
 from aug3d_core.factory.build import build
-from aug3d_core.factory.config import scene_config
+from aug3d_core.factory.config import AUTO, scene_config
 from aug3d_core.run.errors import Aug3dError, StageFailed, StoreError, UsageError
 from aug3d_core.run.limits import limits_from
 from aug3d_core.run.nested import nested, value_at
-from aug3d_core.scene_files import Schedule, read_each
-from aug3d_core.scene_files.check import said
+from aug3d_core.scene_files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import bring_report
 from aug3d_core.store.store import Store
-from flows.preflight import check_servers
+from flows.preflight import check_servers, check_weights
+from flows.reading import read_store
 from flows.refusal import typed_errors
+from flows.scenes import any_given, checked_options, schedule_of
 from flows.server import prefect_server
 from flows.settings import HOME as HOME_VARIABLE
 from flows.settings import OURS, apply_local_environment
@@ -86,21 +86,20 @@ def add(
                 f"a scene is called {name!r}", "give the collection another name: --model NAME means either"
             )
         _check_scenes(store, [*train, *hold_out])
-        try:
-            entry = CollectionEntry(
-                train=tuple(train),
-                hold_out=tuple(hold_out),
-                towns=towns,
-                towns_seed=towns_seed,
-                preset=preset,
-                settings=_settings(preset, set_),
-                description=description,
-                schedule=Schedule(cron=cron, every=every, timezone=timezone) if cron or every else None,
-            )
-            entry.config()
-        except ValidationError as error:
-            wrong = [f"{'.'.join(map(str, e['loc']))}: {said(e)}" if e["loc"] else said(e) for e in error.errors()]
-            raise UsageError("; ".join(wrong), "see aug3d collections add --help") from error
+        if preset == AUTO:
+            raise UsageError(f"--preset {AUTO}: collections take tiny, small or paper", "give one of these")
+        entry = checked_options(
+            CollectionEntry,
+            train=tuple(train),
+            hold_out=tuple(hold_out),
+            towns=towns,
+            towns_seed=towns_seed,
+            preset=preset,
+            settings=_settings(preset, set_),
+            description=description,
+            schedule=schedule_of(None, cron, every, timezone) if any_given(cron, every) else None,
+        )
+        check_weights(entry.config())
         file = COLLECTIONS.add(store, name, entry)
         if as_json:
             print(json.dumps({"file": str(file), **_facts(store, name, entry)}, indent=1))
@@ -113,7 +112,7 @@ def add(
 def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
     """List collections, their parts and their last version. A file with a mistake is told, not hidden."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         facts = [_facts(store, name, entry) for name, entry in COLLECTIONS.read_each(store).items()]
         if as_json:
             print(json.dumps(facts, indent=1))
@@ -141,7 +140,7 @@ def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
 def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
     """Show a collection's parts, and how good its newest model is on each scene."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         entry = COLLECTIONS.read(store, name)
         found = versions(store, name)
         metrics = version_metrics(found[-1]) if found else None
@@ -168,7 +167,7 @@ def remove(
 ) -> None:
     """Remove a collection's file. Its versions, its scenes and all that was made stay."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         file = COLLECTIONS.file(store, name)
         if not yes:
             if as_json:
@@ -185,9 +184,9 @@ def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
     Killed half way? Run the same command again. Exit code 3: a scene could not be made, or the model is not published.
     """
     with typed_errors(as_json, home, goes_on=True):
-        store = Store(home)
+        store = read_store(home)
         store.check_writable()
-        COLLECTIONS.read(store, name)  # a mistake in the file is told before anything is started
+        check_weights(COLLECTIONS.read(store, name).config())  # a mistake is told before anything is started
         limits_from(os.environ)
         check_servers()
         apply_local_environment(store.root)
@@ -234,7 +233,7 @@ def export(
         from aug3d_core.dataset.reader import read
         from aug3d_core.export.packed import export_packed
 
-        store = Store(home)
+        store = read_store(home)
         COLLECTIONS.read(store, name)
         found = versions(store, name)
         if not found:

@@ -23,6 +23,7 @@ from aug3d_core.store.published import RULES
 from aug3d_core.store.scenes import records_of, scenes, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
+from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.settings import apply_local_environment
 from flows.words import figure
@@ -58,7 +59,7 @@ def compare_runs(
                 f"{len(runs)} run to compare" if len(runs) == 1 else f"{len(runs)} runs are too many",
                 f"name two or more, for example {runs[0].partition('@')[0]}@published {runs[0]}",
             )
-        store = Store(home)
+        store = read_store(home)
         _tell_what_waits(store)
         compared = compare([_side(store, run) for run in runs], equal_too=equal_too)
         if as_json:

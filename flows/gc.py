@@ -19,6 +19,7 @@ from aug3d_core.store.retention import Plan, Waste, drop, plan, plan_for_scene
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Usage, besides, usage
+from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.summary import command
 
@@ -57,7 +58,7 @@ def gc(
     In a store that several machines share, objects go at a later look: once nobody has needed them for --keep-hours.
     """
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         if scene is not None:
             check_scene_name(scene)
         there = _look(store, scene, keep, keep_hours) if dry_run or scene is not None else None

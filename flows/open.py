@@ -15,8 +15,8 @@ from rich.console import Console
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import bring_report
-from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
+from flows.reading import read_store
 from flows.refusal import typed_errors
 
 HOME = Path("aug3d_data")
@@ -33,7 +33,7 @@ def open_report(
 ) -> None:
     """Open the newest report of a scene in the browser. Without a screen, say where it is."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         version = find_version(store, scene)
         bring_report(store, version)
         report = (version / layout.REPORT).resolve()

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from aug3d_core.collections.versions import model_of, versions
 from aug3d_core.factory.build import build, work_of
 from aug3d_core.factory.material import Source, source_of
 from aug3d_core.factory.plan import stage_of
@@ -22,9 +23,10 @@ from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTIO
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import last_version, object_of, records_of, step_objects
+from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects
 from aug3d_core.store.store import Store
 from flows.preview import TOWNS, model_named, preview
+from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
 
 HOME = Path("aug3d_data")
@@ -34,7 +36,7 @@ Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everyt
 
 
 def predict(
-    scene: Annotated[str | None, typer.Argument(help="Name of a scene with a trained model.")] = None,
+    scene: Annotated[str | None, typer.Argument(help="Name of a scene with a trained model, or SCENE@VERSION.")] = None,
     photos: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Instead of a scene: a folder of photographs that aug3d has never seen."),
@@ -92,9 +94,9 @@ def predict(
         assert scene is not None
         if out is not None and (out.suffix.lower() != ".png" or not out.parent.is_dir()):
             raise UsageError(f"--out {out} is no PNG file in a folder that exists", "name one like view.png")
-        store = Store(home)
+        store = read_store(home)
         with store.using():
-            version = last_version(store, scene)
+            version = version_with(store, scene, "dataset", *(() if model else ("training",)))
             sources = {"dataset": source_of(store, object_of(store, version, "dataset"))}
             sources["training"] = (
                 model_named(store, model) if model else source_of(store, object_of(store, version, "training"))
@@ -103,7 +105,7 @@ def predict(
                 sources["given"] = _outside(poses)
             photos = poses or store.files_dir(object_of(store, version, "photos"), [PHOTO_TABLE])
             config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
-            config = config.model_copy(update={"input_views": judged_with(store, version)})
+            config = config.model_copy(update={"input_views": _input_views(store, version, model)})
             with Console(stderr=True).status("predicting ..."):
                 record = build(store, work_of(PREDICTION, config, sources), lambda done, total, what: None).record
             files = _handed_over(store.files_dir(record), out)
@@ -134,6 +136,8 @@ def _config(
     """Check how the options go together, and turn names of photographs into ids."""
     if (at is None) != (look_at is None):
         raise UsageError("--at and --look-at go together", "give both, as X,Y,Z in the scene's world")
+    if at is not None and at == look_at:
+        raise UsageError("--at and --look-at are the same place", "point the camera at another one")
     if like is not None and at is not None:
         raise UsageError("--like and --at both say where the camera stands", "give one of them")
     ids: tuple[int, ...] = ()
@@ -159,6 +163,17 @@ def judged_with(store: Store, version: Mapping[str, Any]) -> int:
     """Return from how many photographs the scene's model predicted its test; untested, how many it was trained with."""
     records = records_of(store, version)
     return int((records.get("evaluation") or records["training"]).config["input_views"])
+
+
+def _input_views(store: Store, version: Mapping[str, Any], model: str | None) -> int:
+    """Return from how many photographs the model of this name predicted its test; without a name, the scene's own."""
+    if model is None:
+        return judged_with(store, version)
+    if model == TOWNS:
+        return PredictionConfig().input_views  # as docs/weights.md has its test
+    if versions(store, model):
+        return int(model_of(store, model).config["input_views"])
+    return judged_with(store, newest_with(store, model, "training")[0])
 
 
 def _place(option: str, text: str | None) -> tuple[float, float, float] | None:

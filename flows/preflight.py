@@ -1,4 +1,4 @@
-"""Look before hours of work whether the servers that the user named can be reached, and take the password they are given."""
+"""Look before hours of work at what is used only late in it: the servers that the user named, and the first weights."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import urllib.request
 from collections.abc import Mapping
 from urllib.parse import unquote, urlsplit, urlunsplit
 
+from aug3d_core.factory.config import SceneConfig
+from aug3d_core.heads.sweep.config import SweepConfig
+from aug3d_core.heads.sweep.named_weights import check_named
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store.scenes import masked
 from tasks.ping import unreachable
@@ -22,6 +25,13 @@ _PASSWORDS = {
     _MLFLOW: "MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD",
 }
 _PATIENCE_S = 5.0
+
+
+def check_weights(config: SceneConfig) -> None:
+    """Raise InputError that names the file which training is to start from, if it cannot."""
+    head = config.training.head
+    if isinstance(head, SweepConfig):
+        check_named(head)
 
 
 def check_servers(environment: Mapping[str, str] = os.environ) -> None:

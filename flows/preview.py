@@ -25,9 +25,10 @@ from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import last_version, object_of
+from aug3d_core.store.scenes import object_of
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.store import Store
+from flows.reading import version_with
 
 TOWNS = "towns"  # the model that is shipped
 
@@ -40,7 +41,7 @@ def model_named(store: Store, name: str) -> Source:
     if versions(store, name):
         return source_of(store, model_of(store, name))
     if name in made_scenes(store):
-        return source_of(store, object_of(store, last_version(store, name), "training"))
+        return source_of(store, object_of(store, version_with(store, name, "training"), "training"))
     known = sorted({*made_scenes(store), *(one for one in COLLECTIONS.read_each(store) if versions(store, one))})
     raise UsageError(f"there is no model {name!r} in {store.root}", f"models here: {', '.join([TOWNS, *known])}")
 

@@ -33,6 +33,7 @@ from flows.ends import AT_ONCE, ends_of
 from flows.factory import beside_published, make_version
 from flows.photographs import material_of
 from flows.plan import made_of_the_same
+from flows.preflight import check_weights
 from flows.settings import home
 from flows.takeover import cancel_parts, unfinished
 from tasks import artifacts
@@ -63,6 +64,7 @@ def regenerate(
     since = store.traffic()
     with run_lock(store.root), store.using():
         entry = read_scene(store, scene)
+        check_weights(settings)
         material = material_of(store, scene, entry, settings)
         plan = list(planned(store, material, settings))
         if newest := made_of_the_same(store, scene, plan):

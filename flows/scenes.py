@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -29,6 +30,8 @@ from aug3d_core.scene_files.check import said
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.scenes import versions
 from aug3d_core.store.store import Store
+from flows.preflight import check_weights
+from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.scene_facts import scene_facts
 from flows.scene_tables import moment, print_scene, print_scenes
@@ -77,7 +80,7 @@ def add_scene(
     """Put a scene into the registry: one commented file that you can edit. Nothing is made yet."""
     with typed_errors(as_json, home):
         _check_photos(photos, town)
-        entry = _checked(
+        entry = checked_options(
             SceneEntry,
             photos=photos,
             poses=poses,
@@ -86,9 +89,10 @@ def add_scene(
             licence=licence,
             description=description,
             tags=tuple(tag),
-            schedule=_schedule(None, cron, every, timezone) if _any(cron, every, timezone) else None,
+            schedule=schedule_of(None, cron, every, timezone) if any_given(cron, every, timezone) else None,
         )
         entry.material().stages()  # poses that cannot be read are told now
+        check_weights(entry.config())
         store = Store(home)
         if scene in COLLECTIONS.read_each(store):
             raise UsageError(
@@ -105,7 +109,7 @@ def add_scene(
 def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
     """List every scene: photographs, schedule, last and published version. A file with a mistake is told, not hidden."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         made = made_scenes(store)
         facts = [scene_facts(store, scene, entry) for scene, entry in read_each(store).items()]
         others = sorted(set(made) - {fact["scene"] for fact in facts})
@@ -119,7 +123,7 @@ def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
 def show_scene(scene: Scene, home: Home = HOME, as_json: AsJson = False) -> None:
     """Show what the registry says of a scene, the settings that differ from the preset's, and its versions."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         facts = {"file": str(scene_file(store, scene)), **scene_facts(store, scene, read_scene(store, scene))}
         if as_json:
             print(json.dumps(facts, indent=1))
@@ -136,7 +140,7 @@ def drop_scene(
 ) -> None:
     """Remove a scene from the registry. Its versions, and all that was made for them, stay."""
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         file = scene_file(store, scene)
         kept = len(versions(store, scene))
         if not yes and as_json:
@@ -168,15 +172,15 @@ def schedule_scene(
 ) -> None:
     """Change when a scene is made again by itself. The rest of its file, comments too, stays as it is."""
     with typed_errors(as_json, home):
-        changed = _any(cron, every, timezone)
+        changed = any_given(cron, every, timezone)
         if [changed, off, pause is not None].count(True) != 1:
             raise UsageError(
                 "say one thing about the schedule", 'give --cron "0 3 * * 1" or --every 6h, --off, --pause or --resume'
             )
-        store = Store(home)
+        store = read_store(home)
         now = read_scene(store, scene).schedule
         if changed:
-            now = _schedule(now, cron, every, timezone)
+            now = schedule_of(now, cron, every, timezone)
         elif off:
             now = None
         elif now:
@@ -190,7 +194,7 @@ def schedule_scene(
             print(f"{scene}: {facts['when']}{f', next {moment(facts)}' if facts['next'] else ''}")
 
 
-def _any(*options: str | None) -> bool:
+def any_given(*options: str | None) -> bool:
     return any(option is not None for option in options)  # an empty one is wrong, not left out
 
 
@@ -218,28 +222,41 @@ def _settings(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:
     )
 
 
-def _schedule(now: Schedule | None, cron: str | None, every: str | None, timezone: str | None) -> Schedule:
-    """Return the schedule with what was said of it changed."""
+def schedule_of(now: Schedule | None, cron: str | None, every: str | None, timezone: str | None) -> Schedule:
+    """Return the schedule with what was said of it changed; raises UsageError."""
+    if cron is not None and every is not None:
+        raise UsageError("a schedule takes --cron or --every, not both", "give one of them")
+    if now is None and not any_given(cron, every):
+        raise UsageError("a schedule needs --cron or --every", 'give for example --cron "0 3 * * 1" or --every 6h')
     values = now.model_dump() if now else {}
-    if _any(cron, every):
+    if any_given(cron, every):
         values |= {"cron": cron, "every": every}
     if timezone is not None:
         values["timezone"] = timezone
-    return _checked(Schedule, **values)
+    return checked_options(Schedule, **values)
 
 
-def _checked(model: type[Model], **values: Any) -> Model:
+def checked_options(model: type[Model], **values: Any) -> Model:
     """Return a value made of options; raises UsageError that names the wrong ones."""
     try:
         return model(**values)
     except ValidationError as error:
-        wrong = [(f"--{e['loc'][0]} {e['input']!r}: " if e["loc"] else "") + said(e) for e in error.errors()]
+        wrong = [f"{_option(e['loc'], e['input'])}{said(e)}" for e in error.errors()]
         raise UsageError("; ".join(wrong), "see the command's --help") from error
+
+
+def _option(loc: Sequence[int | str], value: Any) -> str:
+    """Return an option as it was given; "" where several are wrong together."""
+    if not loc:
+        return ""
+    name = {"settings": "set", "tags": "tag"}.get(str(loc[0]), str(loc[0]))
+    return f"--{name.replace('_', '-')} {value!r}: "
 
 
 def _print_added(scene: str, entry: SceneEntry, file: Path, home: Path) -> None:
     print(f"{scene} is in the registry: {file}")
     print(f"\nnext  {command(home, 'scenes', 'show', scene)}   (what it says)")
+    print(f"      {command(home, 'run', scene)}   (make it now)")
     if entry.schedule is None:
         monday = command(home, "scenes", "schedule", scene, "--cron", "0 3 * * 1")
         print(f"      {monday}   (make it again every Monday)")

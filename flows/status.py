@@ -20,6 +20,7 @@ from aug3d_core.store.scenes import last_version, scenes
 from aug3d_core.store.store import Store
 from flows.guard import USER
 from flows.preflight import check_servers
+from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.serving import PASSWORD, secrets_read
 from flows.settings import HOME, apply_local_environment
@@ -46,7 +47,7 @@ def status(
     The secret of another machine's server is read from AUG3D_PASSWORD, or from PREFECT_API_AUTH_STRING (user:password).
     """
     with typed_errors(as_json, home):
-        store = Store(home)
+        store = read_store(home)
         os.environ.update(_server_of(store, server, secrets_read(os.environ)))
         check_servers()
         apply_local_environment(store.root)

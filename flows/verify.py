@@ -20,6 +20,7 @@ from aug3d_core.store import layout
 from aug3d_core.store.published import names
 from aug3d_core.store.store import Store
 from aug3d_core.store.verification import Damage, OnBytes, damaged, items_of, size_of
+from flows.reading import read_store
 from flows.refusal import typed_errors
 
 HOME = Path("aug3d_data")
@@ -42,7 +43,7 @@ def verify(
     is in it is read too. Exit code 3: something is damaged.
     """
     with typed_errors(as_json, home):
-        console, store, started = Console(stderr=as_json), Store(home), time.monotonic()
+        console, store, started = Console(stderr=as_json), read_store(home), time.monotonic()
         if repair:
             store.check_writable()
         with store.using():

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aug3d_core.run.errors import Aug3dError
-from aug3d_core.store.scenes import last_version, object_of
+from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 from flows.guard import TOKEN, Door, Guard
 from flows.predict import judged_with
+from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
 from flows.serving import PASSWORD, Serving, check_password, secrets_read, with_secret
 from flows.supervisor import Stopped, terminable
@@ -34,7 +35,7 @@ _NAMES = frozenset({"127.0.0.1", "localhost"})
 
 
 def view(
-    scene: Annotated[str, typer.Argument(help="Name of a scene that was run.")],
+    scene: Annotated[str, typer.Argument(help="Name of a scene that was run, or SCENE@VERSION as in aug3d compare.")],
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the page, on this machine alone; 0: any.")
     ] = PORT,
@@ -48,13 +49,13 @@ def view(
     The page opens for whoever has the printed address, or AUG3D_PASSWORD. Ctrl-C ends it.
     """
     with typed_errors(as_json, home), suppress(Stopped):
-        store = Store(home)
+        store = read_store(home)
         with store.using():
             _serve(store, scene, port, as_json)
 
 
 def _serve(store: Store, scene: str, port: int, as_json: bool) -> None:
-    version = last_version(store, scene)
+    version = version_with(store, scene, "sfm", "surface", "training")
     serving, own_password = _serving(store)
     # With numpy, torch and the server, which other commands do without
     from aug3d_core.view.finished import photograph, read_finished, read_of

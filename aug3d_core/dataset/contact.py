@@ -10,16 +10,24 @@ from PIL import Image
 from aug3d_core.dataset.scene import Scene
 
 ROWS, COLUMNS, GAP_PX = 4, 8, 2
+MOST_PX = 30e6  # of a sheet: Pillow refuses to read six times as many
 
 
 def save_contact_sheet(scene: Scene, path: Path) -> None:
-    """Draw up to ROWS real, ROWS rendered and ROWS test groups, spread evenly over those there are."""
+    """Draw up to ROWS real, ROWS rendered and ROWS test groups, spread evenly over those there are.
+
+    Views are shrunk where the sheet would have more than MOST_PX.
+    """
     rows = [members[:COLUMNS] for name in ("real", "rendered", "test") for members in _spread(scene.groups[name])]
     height, width = scene.height_px + GAP_PX, scene.width_px + GAP_PX
+    shrunk = min(1.0, (MOST_PX / (len(rows) * height * COLUMNS * width)) ** 0.5)
+    height, width = int(shrunk * height), int(shrunk * width)
+    size_px = (width - GAP_PX, height - GAP_PX)
     sheet = np.full((len(rows) * height, COLUMNS * width, 3), 255, np.uint8)
     for r, members in enumerate(rows):
         for c, view in enumerate(members):
-            sheet[r * height : (r + 1) * height - GAP_PX, c * width : (c + 1) * width - GAP_PX] = _on_grey(scene, view)
+            small = Image.fromarray(_on_grey(scene, view)).resize(size_px, Image.Resampling.BOX)
+            sheet[r * height : (r + 1) * height - GAP_PX, c * width : (c + 1) * width - GAP_PX] = small
     Image.fromarray(sheet).save(path)
 
 

@@ -10,11 +10,13 @@ from scipy.ndimage import grey_opening
 
 from aug3d_core.dataset.bounds import depths_in, near_far
 from aug3d_core.dataset.by_view import changed, joined
-from aug3d_core.dataset.projection import ground_points, project, shows
+from aug3d_core.dataset.projection import project, sampled_ground, shows
 from aug3d_core.dataset.rays import pixel_rays
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, PICTURES, REAL, SPLITS, VIEW_ARRAYS, Scene
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.run.errors import InputError
+
+_NAMED = 5  # photographs, in an error
 
 
 def with_views(
@@ -24,7 +26,7 @@ def with_views(
     inputs: Int[np.ndarray, " v"],
 ) -> tuple[Scene, Int[np.ndarray, " f"]]:
     """Append views without pixels, and return their rows; near and far hold what the inputs show of the ground ahead."""
-    ground = np.concatenate([points[reached] for points, reached in (ground_points(scene, int(v)) for v in inputs)])
+    ground = sampled_ground(scene, inputs)
     size_px, count = (scene.width_px, scene.height_px), len(world_from_cam)
     bounds = []
     for pose in world_from_cam:
@@ -96,8 +98,9 @@ def facing(
 
 def shown_by_none(scene: Scene, inputs: np.ndarray) -> InputError:
     """Return the error of a view that shows nothing of what its inputs show."""
-    ids = ", ".join(str(photo_id) for photo_id in scene.photo_id[inputs])
+    ids = ", ".join(str(photo_id) for photo_id in scene.photo_id[inputs[:_NAMED]])
+    more = f" and {len(inputs) - _NAMED} more" if len(inputs) > _NAMED else ""
     return InputError(
-        f"the view shows no ground that its inputs show (photos {ids})",
-        "move or turn the view towards them, or choose inputs that look at the same place",
+        f"the view shows no ground that its inputs show (photos {ids}{more})",
+        "move or turn the view towards what they show; if you named the inputs, name some that look at the same place",
     )

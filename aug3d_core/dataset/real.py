@@ -21,7 +21,7 @@ from aug3d_core.depth.files import DEPTH_MAPS, geometric_map_name
 from aug3d_core.geometry.depth_maps import read_map
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.rows import Rows
-from aug3d_core.geometry.transforms import homogeneous, invert
+from aug3d_core.geometry.transforms import apply, homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
@@ -134,8 +134,13 @@ def _stereo(depth: Path, photo_id: int, config: DatasetConfig) -> Float16[np.nda
 
 
 def seen_depths(views: Views, points: Points, tracks: Tracks) -> Iterator[Float[np.ndarray, " s"]]:
-    """Yield for each view the depths of the points that it is known to see; of all points before it where there are none."""
+    """Yield for each view the depths of the points that it is known to see; of all points before it where there are none.
+
+    Of a view that has no point before it, the distances to all points.
+    """
     by_view = Rows(tracks.view, len(views))
     for view, pose in enumerate(views.cam_from_world):
         depths = depths_in(pose, points.xyz[tracks.point[by_view.having(np.array([view]))]])
-        yield depths if len(depths) else depths_in(pose, points.xyz)
+        if not len(depths):
+            depths = depths_in(pose, points.xyz)
+        yield depths if len(depths) else np.linalg.norm(apply(pose, points.xyz), axis=1)

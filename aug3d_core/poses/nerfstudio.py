@@ -36,7 +36,7 @@ def read_transforms(file: Path) -> list[Entry]:
         if not isinstance(frame, dict):
             raise InputError(f"{where} is not an object", "Use a transforms.json as nerfstudio writes it.")
         name = _value(frame, "file_path", where)
-        if not isinstance(name, str) or not name or not _can_be_written(name):
+        if not _is_name(name):
             raise InputError(f"{where}: file_path {name!r} is not a name", "Name the photograph of that frame.")
         where = f"{where} ({name})"
         if name in seen:
@@ -44,11 +44,16 @@ def read_transforms(file: Path) -> list[Entry]:
         seen[name] = number
         pose = checked_pose(_matrix(_value(frame, "transform_matrix", where), where), where)
         camera = checked_camera(_camera({**whole, **frame}, where), where)
-        entries.append(Entry(((name, camera),), cam_from_world(pose), where, number))
+        mask = frame.get("mask_path")
+        if mask is not None and not _is_name(mask):
+            raise InputError(f"{where}: mask_path {mask!r} is not a name", "Name the mask of that frame, or none.")
+        entries.append(Entry(((name, camera),), cam_from_world(pose), where, number, mask))
     return entries
 
 
-def _can_be_written(name: str) -> bool:
+def _is_name(name: Any) -> bool:
+    if not isinstance(name, str) or not name:
+        return False
     try:
         name.encode()
     except UnicodeEncodeError:  # half of a pair, which JSON can hold and a file's name cannot

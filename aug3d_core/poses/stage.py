@@ -69,4 +69,8 @@ def _notes(entries: list[Entry], given: list[Given], photos: int) -> tuple[str, 
         notes.append(f"{photos - len(given)} of {photos} photographs have no pose in the file and are left out")
     if len(given) < len(entries):
         notes.append(f"{len(entries) - len(given)} of {len(entries)} poses belong to photographs that are not here")
+    if masked := sum(entry.mask is not None for entry in entries):
+        notes.append(
+            f"the masks that {masked} poses name are not read: a run reads that of IMG_1.JPG from IMG_1_mask.png beside it"
+        )
     return tuple(notes)

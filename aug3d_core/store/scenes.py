@@ -151,11 +151,30 @@ def last_version(store: Store, scene: str) -> dict[str, Any]:
             raise StoreError(
                 f"scene {scene!r} has no whole version: {damaged[-1]}", "aug3d verify --repair, then run it again"
             )
+        if file := _registered(store, scene):
+            raise UsageError(f"scene {scene!r} is registered ({file}) and was never run", f"aug3d run {scene} runs it")
         known = ", ".join(scenes(store)) or "none yet"
         raise UsageError(
             f"there is no scene {scene!r} in {store.root}", f"scenes here: {known}; make one with aug3d run"
         )
     return version_metrics(found[-1])
+
+
+def newest_with(store: Store, scene: str, *steps: str) -> tuple[dict[str, Any], str]:
+    """Return the `metrics.json` of a scene's newest version that made these steps, and why it is not the last one, "" if it is.
+
+    Where none made them all, it is the newest of those that made most of them. Raises as `last_version` does.
+    """
+    last = last_version(store, scene)
+    missing = [step for step in steps if step not in step_objects(last)]
+    if not missing:
+        return last, ""
+    newest_first = versions(store, scene)[::-1]
+    read = [version_metrics(version) for version in newest_first]
+    made = [len(step_objects(metrics).keys() & set(steps)) for metrics in read]
+    best = made.index(max(made))
+    note = f"the last run of {scene} ended before {missing[0]}: this is its version of {newest_first[best].name}"
+    return read[best], note if best else ""
 
 
 def records_before(store: Store, scene: str) -> dict[str, Record]:
@@ -196,9 +215,15 @@ def object_of(store: Store, metrics: Mapping[str, Any], step: str) -> Record:
     scene, objects = metrics["scene"], step_objects(metrics)
     if step not in objects:
         raise UsageError(
-            f"scene {scene!r} has no {step}: its last run ended before", f"see aug3d show {scene}, then run again"
+            f"scene {scene!r} has no {step}: its run ended before", f"see aug3d show {scene}, then run again"
         )
     record = store.find(*objects[step])
     if record is None:
         raise StoreError(f"the {step} of scene {scene!r} is gone from {store.root}", "run the scene again")
     return record
+
+
+def _registered(store: Store, scene: str) -> Path | None:
+    """Return the file that registers a scene, if there is one."""
+    files = (store.root / layout.SCENES / f"{scene}{ending}" for ending in layout.SCENE_FILES)
+    return next((file for file in files if file.exists()), None)

@@ -88,3 +88,14 @@ def test_all_photographs_of_which_masks_leave_nothing_are_named(tmp_path):
 def test_without_a_pose_there_is_no_scene(tmp_path):
     with pytest.raises(InputError, match="no photograph has a pose"):
         scene_of_photographs(flight(tmp_path, 0), (40, 32), 0.005, 0.1)
+
+
+def test_a_photograph_of_the_sky_is_packed_like_the_others(tmp_path):
+    folder = flight(tmp_path, 5)
+    views, tracks = Views.load(folder / VIEWS), Tracks.load(folder / TRACKS)
+    views.cam_from_world[2] = look_at(np.array([8.0, 0, 30]), np.array([8.0, 9, 99]))
+    views.save(folder / VIEWS)
+    seen = tracks.view != 2
+    Tracks(tracks.point[seen], tracks.view[seen], tracks.xy[seen]).save(folder / TRACKS)
+    near, far = scene_of_photographs(folder, (40, 32), 0.005, 0.1).near_far.T
+    assert ((near > 0) & (near < far) & np.isfinite(far)).all()

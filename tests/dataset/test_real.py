@@ -5,7 +5,7 @@ import pandas as pd
 from PIL import Image
 
 from aug3d_core.dataset.config import DatasetConfig
-from aug3d_core.dataset.real import pack_real
+from aug3d_core.dataset.real import pack_real, seen_depths
 from aug3d_core.dataset.slab import Slab
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -47,3 +47,15 @@ def test_photographs_of_other_sizes_and_shapes_are_packed_to_one(tmp_path):
     assert np.allclose(packed.intrinsics[0], packed.intrinsics[1])
     assert np.allclose(packed.intrinsics[:, 2:], [10, 8])
     assert packed.intrinsics[2, 0] == 72 * 20 / 60
+
+
+def test_a_view_without_a_point_before_it_has_the_distances_of_all_points():
+    eye = np.array([0.0, 0, 30])
+    down, sky = look_at(eye, np.array([0.0, 1, 0])), look_at(eye, np.array([0.0, 9, 99]))
+    views = Views(np.arange(2), np.stack([down, sky]), np.ones((2, 4)), np.full((2, 2), 9))
+    xyz = np.random.default_rng(0).uniform(-9, 9, (50, 3))
+    points = Points(xyz, np.zeros((50, 3), np.uint8), np.ones(50))
+    seen = Tracks(np.arange(20), np.zeros(20, int), np.zeros((20, 2)))
+    depths, distances = seen_depths(views, points, seen)
+    assert len(depths) == 20
+    np.testing.assert_allclose(distances, np.linalg.norm(xyz - eye, axis=1))

@@ -23,7 +23,7 @@ from aug3d_core.domes.files import CAMERAS
 from aug3d_core.geometry.depth_maps import write_map
 from aug3d_core.geometry.masks import save_mask
 from aug3d_core.geometry.ply import Mesh
-from aug3d_core.geometry.transforms import apply, homogeneous, invert
+from aug3d_core.geometry.transforms import apply, homogeneous, invert, look_at
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.groups.files import GROUPS
 from aug3d_core.photos.files import image_name
@@ -287,3 +287,16 @@ def test_photographs_alone_are_packed_the_same_without_renders(inputs, tmp_path)
     assert len(photos) == REAL and np.array_equal(photos.images, both.images[:REAL])
     assert np.array_equal(photos.groups["test"], both.groups["test"]) and not photos.groups["rendered"].size
     assert outcome.metrics["rendered"] == 0 and not any("photographs alone" in note for note in outcome.notes)
+
+
+def test_a_photograph_of_the_sky_does_not_stop_the_stage(scene, inputs, tmp_path):
+    """No point is before it, and it sees none: its pose was given."""
+    views, tracks = Views.load(inputs["sfm"] / VIEWS), Tracks.load(inputs["sfm"] / TRACKS)
+    eye = scene.world_from_cam[0, :3, 3]
+    views.cam_from_world[0] = look_at(eye, eye + np.array([0, 1, 20]))
+    views.save(inputs["sfm"] / VIEWS)
+    seen = tracks.view != 0
+    Tracks(tracks.point[seen], tracks.view[seen], tracks.xy[seen]).save(inputs["sfm"] / TRACKS)
+    assert run(inputs, CONFIG, tmp_path / "out", silent).state == "ok"
+    near, far = read(tmp_path / "out" / SCENE_ZARR).near_far[0]
+    assert 0 < near < far < 10 * EXTENT_M

@@ -31,11 +31,12 @@ def test_programs_get_the_verdict_and_the_notes_that_people_get(
     gps: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folders = dict(zip(("sfm", "surface"), write_scene(tmp_path / "scene", gps=gps), strict=True))
-    monkeypatch.setattr(advise, "last_version", lambda store, scene: tmp_path)
+    monkeypatch.setattr(advise, "version_with", lambda store, scene, *steps: tmp_path)
     monkeypatch.setattr(advise, "object_of", lambda store, version, stage: stage)
     monkeypatch.setattr(advise, "records_of", lambda store, version: {})
     monkeypatch.setattr(Store, "files_dir", lambda self, record, names: folders[record])
     monkeypatch.setattr("aug3d_core.advice.plan.plan_of", lambda *args: plan(gps))
+    (tmp_path / "home").mkdir()
     words = ["--home", str(tmp_path / "home")]
     for_people = CliRunner().invoke(app, ["advise", "town", str(tmp_path / "one"), *words])
     for_programs = CliRunner().invoke(app, ["advise", "town", str(tmp_path / "other"), *words, "--json"])

@@ -83,7 +83,12 @@ def test_a_collection_is_added_with_everything_and_what_is_next(store: Store) ->
         (["all", "--towns", "1", "--preset", "huge"], "no preset 'huge'"),
         (["all", "--towns", "1", "--set", "training.stepps=1"], "no field 'stepps'"),
         (["all", "--towns", "1", "--set", "sfm.seed=1"], "each scene's own"),
-        (["all", "--towns", "1", "--cron", "never"], "cron"),
+        (["all", "--towns", "1", "--cron", "never"], "--cron 'never': has 1 fields"),
+        (
+            ["all", "--towns", "1", "--cron", "0 3 * * 1", "--every", "6h"],
+            "a schedule takes --cron or --every, not both",
+        ),
+        (["all", "--towns", "1", "--preset", "auto"], "--preset auto: collections take tiny, small or paper"),
     ],
 )
 def test_what_cannot_be_is_refused_and_nothing_is_written(store: Store, words: list[str], problem: str) -> None:

@@ -7,6 +7,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from aug3d_core.collections.versions import new_version as new_collection_version
+from aug3d_core.novel.config import PredictionConfig
+from aug3d_core.photos.files import PHOTO_TABLE
+from aug3d_core.run.errors import UsageError
+from aug3d_core.run.stage import Stage
+from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
@@ -93,3 +99,40 @@ def test_a_note_is_text_and_never_markup(capsys: pytest.CaptureFixture[str]) -> 
     files = {"picture": "view.png", "panel": "panel.png", "inputs": [1]}
     _print({**files, "metrics": {"ground_seen_share": 1.0}, "notes": ["photo [raw] is odd"]})
     assert "note photo [raw] is odd" in capsys.readouterr().out
+
+
+def test_a_view_is_predicted_from_as_many_photographs_as_the_model_that_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`bare` is a scene whose training failed, and so did that of the last run of `again`."""
+    store = Store(tmp_path)
+
+    def made(stage: str, key: str, **config: int) -> Record:
+        fields = {
+            "recipe": "r", "config": config, "inputs": {}, "versions": {}, "metrics": {}, "state": "ok", "notes": (),
+            "series": {}, "pictures": {}, "seconds": 1.0, "peak_mib": 1.0,
+        }  # fmt: skip
+        (store.work_dir(stage, key) / "files").mkdir(parents=True)
+        (store.work_dir(stage, key) / "files" / PHOTO_TABLE).touch()
+        return store.commit(store.work_dir(stage, key), stage, key, fields)
+
+    bare = {name: made(name, "k") for name in ("photos", "dataset")}
+    untested = bare | {"training": made("training", "untested", input_views=5)}
+    tested = untested | {"evaluation": made("evaluation", "k", input_views=6)}
+    scenes = {"bare": bare, "untested": untested, "tested": tested, "again": tested}
+    for scene, records in [*scenes.items(), ("again", bare)]:
+        version = new_version(store, scene)
+        write_metrics(version, {"scene": scene, "paths": version_paths(store, version, records)})
+    made("training", "many", input_views=7)
+    write_metrics(new_collection_version(store, "many"), {"collection": "many", "training": {"key": "many"}})
+    asked: list[int] = []
+
+    def planned(stage: Stage, config: PredictionConfig, sources: object) -> None:
+        asked.append(config.input_views)
+        raise UsageError("nothing is built here", "")
+
+    monkeypatch.setattr("flows.predict.work_of", planned)
+    words = [("bare", "--model", model) for model in ("towns", "untested", "tested", "again", "many")]
+    for one in (*words, ("tested",), ("untested",), ("tested", "--model", "towns")):
+        assert "nothing is built here" in invoke(*one, "--home", tmp_path).output
+    assert asked == [3, 5, 6, 6, 7, 6, 5, 3]

@@ -1,4 +1,4 @@
-"""Servers that the user named: asked before hours of work."""
+"""Servers and weights that the user named: looked at before hours of work."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import socket
 import threading
 from contextlib import nullcontext
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from aug3d_core.run.errors import StoreError
+from flows.cli import app
 from flows.preflight import check_servers
 
 
@@ -62,3 +65,15 @@ def test_a_password_in_an_address_is_used_and_never_shown(port: str) -> None:
         door.shutdown()
     if port:
         assert "secret" not in told.value.problem and asked == ["Basic dXNlcjpzZWNyZXQ="]
+
+
+@pytest.mark.parametrize(
+    "line", ["demo", "demo --dry-run", "scenes add hill --town", "collections add all --towns 2", "run hill --photos ."]
+)
+def test_first_weights_that_are_not_there_are_told_before_anything_is_made(line: str, tmp_path: Path) -> None:
+    missing = tmp_path / "weights.safetensors"
+    words = [*line.split(), "--set", f"training.head.start={missing}", "--home", str(tmp_path / "home")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 1 and f"there is no file {missing}" in done.output.replace("\n", "")
+    assert "training.head.start=random" in done.output
+    assert not list((tmp_path / "home").rglob("*.yaml")) and not (tmp_path / "home" / "prefect").exists()

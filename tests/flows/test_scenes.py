@@ -86,8 +86,8 @@ def test_photographs_are_stored_with_their_whole_path(
         (("--town", "--cron", ""), "has 0 fields"),
         (("--town", "--every", "1w"), "--every '1w': is not an interval"),
         (("--town", "--every", "6h", "--timezone", "Warsaw"), "did you mean Europe/Warsaw?"),
-        (("--town", "--every", "6h", "--cron", "0 3 * * 1"), "takes cron or every, not both"),
-        (("--town", "--timezone", "UTC"), "needs cron or every"),
+        (("--town", "--every", "6h", "--cron", "0 3 * * 1"), "a schedule takes --cron or --every, not both"),
+        (("--town", "--timezone", "UTC"), "a schedule needs --cron or --every"),
     ],
 )
 def test_a_scene_that_cannot_be_added(
@@ -197,7 +197,7 @@ def test_a_schedule_is_given_changed_held_and_taken_away(store: Store) -> None:
         (("--off", "--pause"), "say one thing"),
         (("--off", "--every", "6h"), "say one thing"),
         (("--pause",), "has no schedule"),
-        (("--timezone", "UTC"), "needs cron or every"),
+        (("--timezone", "UTC"), "a schedule needs --cron or --every"),
         (("--cron", "0 3 * * 9"), "field 5, weekday, cannot be '9'"),
     ],
 )

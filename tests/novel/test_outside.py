@@ -49,6 +49,30 @@ def changed(given: Path, **fields: Any) -> None:
     write(given.parent, **(json.loads(given.read_text()) | fields))
 
 
+def masked(given: Path, mask: Any, path: str = "masks/a.png") -> None:
+    """Give the second photograph a mask: a path alone, or a picture there."""
+    if isinstance(mask, Image.Image):
+        (given.parent / path).parent.mkdir(exist_ok=True)
+        mask.save(given.parent / path)
+    frames = json.loads(given.read_text())["frames"]
+    frames[1]["mask_path"] = path
+    changed(given, frames=frames)
+
+
+def cloud(given: Path, height: float) -> None:
+    """Name a point cloud of ground at a height, with roofs above."""
+    xy = np.random.default_rng(0).uniform(-40, 40, (400, 2))
+    points = np.column_stack([xy, np.where(np.arange(400) < 300, height, height + 6)])
+    Mesh(points, np.zeros((400, 3), np.uint8), np.zeros((0, 3), int)).save(given.parent / "points.ply")
+    changed(given, ply_file_path="points.ply")
+
+
+def hole() -> np.ndarray:
+    used = np.ones((16, 24), bool)
+    used[3:9, 5:20] = False
+    return used
+
+
 def test_they_are_the_views_that_were_given(scene, given):
     outside = outside_scene(given, scene)
     assert np.array_equal(outside.images, scene.images[list(VIEWS)])
@@ -75,10 +99,7 @@ def test_a_larger_photograph_is_shrunk_with_its_camera(scene, given):
 
 
 def test_a_point_cloud_brings_its_own_ground(scene, given):
-    xy = np.random.default_rng(0).uniform(-40, 40, (400, 2))
-    points = np.column_stack([xy, np.where(np.arange(400) < 300, 2.0, 8.0)])
-    Mesh(points, np.zeros((400, 3), np.uint8), np.zeros((0, 3), int)).save(given.parent / "points.ply")
-    changed(given, ply_file_path="points.ply")
+    cloud(given, 2.0)
     outside = outside_scene(given, scene)
     assert outside.slab.height(np.array([0.0, 0.0, 2.0])) == pytest.approx(0, abs=0.2)
     assert outside.scale == pytest.approx(ALTITUDE_M, rel=0.15)
@@ -89,6 +110,67 @@ def test_names_and_digest_follow_what_is_there(given):
     before = photos_digest(given)
     Image.new("RGB", (24, 16)).save(given.parent / f"images/{VIEWS[1]}.png")
     assert photos_digest(given) != before
+
+
+def test_the_digest_follows_the_point_cloud_that_is_named(given):
+    cloud(given, 0.0)
+    before = photos_digest(given)
+    cloud(given, 50.0)
+    assert photos_digest(given) != before
+
+
+def test_the_digest_follows_the_masks_that_are_named(given):
+    masked(given, Image.new("L", (24, 16), 255))
+    before = photos_digest(given)
+    masked(given, Image.fromarray(hole()))
+    assert photos_digest(given) != before
+
+
+WHITE = Image.new("L", (24, 16), 255)
+HOLES = {
+    "grey": Image.fromarray(np.where(hole(), np.uint8(128), np.uint8(127))),
+    "one bit": Image.fromarray(hole()),
+    "colour": Image.fromarray(hole()).convert("RGB"),
+    "16 bits": Image.fromarray(np.where(hole(), np.uint16(65535), np.uint16(0))),
+    "transparent": Image.merge("LA", (WHITE, Image.fromarray(hole()).convert("L"))),
+}
+
+
+@pytest.mark.parametrize("mask", HOLES.values(), ids=HOLES)
+def test_what_is_masked_is_a_hole_and_its_colours_are_gone(scene, given, mask):
+    lorry = scene.images[VIEWS[1]].copy()
+    lorry[~hole()] = (255, 0, 255)
+    Image.fromarray(lorry).save(given.parent / f"images/{VIEWS[1]}.png")
+    masked(given, mask)
+    outside = outside_scene(given, scene)
+    assert np.array_equal(outside.alpha[1] == 255, hole()) and np.array_equal(outside.alpha[1] == 0, ~hole())
+    assert np.array_equal(outside.images[1][hole()], lorry[hole()])
+    for pictures in (outside.images[1], outside.fine_images[1]):
+        assert not (pictures == (255, 0, 255)).all(axis=-1).any()
+    assert (outside.alpha[[0, 2]] == 255).all()
+    assert np.array_equal(outside.images[[0, 2]], scene.images[[VIEWS[0], VIEWS[2]]])
+
+
+@pytest.mark.parametrize(
+    ("mask", "why"),
+    [
+        (Image.new("L", (12, 8), 255), r"masks/a\.png cannot be used \(it is 12x8 px, the photograph 24x16 px"),
+        (Image.new("L", (24, 16), 127), r"masks/a\.png cannot be used \(it leaves nothing"),
+        (None, r"masks/a\.png cannot be used \(.*No such file"),
+    ],
+)
+def test_a_mask_that_does_not_fit_is_refused_by_its_name(scene, given, mask, why):
+    masked(given, mask)
+    with pytest.raises(InputError, match=f"frame 1 .*{why}"):
+        outside_scene(given, scene)
+
+
+@pytest.mark.parametrize("path", ["../a.png", "masks/../../a.png", "/a.png"])
+def test_a_mask_outside_the_folder_is_refused_before_it_is_read(scene, given, path):
+    masked(given, None, path)
+    for function in (lambda: photos_digest(given), lambda: outside_scene(given, scene)):
+        with pytest.raises(InputError, match=r"frame 1 .*a\.png cannot be used \(its path leads out"):
+            function()
 
 
 def test_a_missing_photograph_is_named(scene, given):
@@ -112,5 +194,6 @@ def test_a_photograph_of_another_shape_is_refused(scene, given):
 
 def test_a_point_cloud_that_cannot_be_read_is_named(scene, given):
     changed(given, ply_file_path="points.ply")
-    with pytest.raises(InputError, match=r"the point cloud points\.ply cannot be read"):
-        outside_scene(given, scene)
+    for function in (lambda: photos_digest(given), lambda: outside_scene(given, scene)):
+        with pytest.raises(InputError, match=r"the point cloud points\.ply cannot be read"):
+            function()

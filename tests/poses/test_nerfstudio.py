@@ -102,3 +102,13 @@ def test_a_corrupt_file(content: Any, words: list[str], tmp_path: Path) -> None:
     for word in [str(tmp_path / "transforms.json"), *words]:
         assert word in told.value.problem
     assert told.value.remedy
+
+
+def test_a_mask_is_named_by_the_frame_that_has_one(tmp_path: Path) -> None:
+    assert [entry.mask for entry in read(whole(mask_path="masks/b.png"), tmp_path)] == [None, "masks/b.png"]
+
+
+@pytest.mark.parametrize("mask", [7, "", ["b.png"], "\ud800"])
+def test_a_mask_that_is_no_name_is_told(mask: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"frame 1 \(b\.jpg\): mask_path .* is not a name"):
+        read(whole(mask_path=mask), tmp_path)

@@ -13,6 +13,7 @@ from aug3d_core.store.scenes import (
     last_version,
     masked,
     new_version,
+    newest_with,
     scenes,
     step_objects,
     version_metrics,
@@ -77,3 +78,50 @@ def test_a_changed_figure_is_seen(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace("21.5", "31.5"))
     with pytest.raises(StoreError, match=r"metrics\.json is damaged.*seal"):
         version_metrics(version)
+
+
+def made(store: Store, *steps: str) -> Path:
+    version = new_version(store, "town")
+    objects = {step: {"stage": step, "key": version.name} for step in steps}
+    write_metrics(version, {"scene": "town", "version": version.name, "objects": objects})
+    return version
+
+
+def test_a_finished_version_is_found_behind_runs_that_ended_before(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    made(store, "sfm", "training")
+    finished, _ = made(store, "sfm", "training"), made(store, "sfm")
+    newest = made(store)
+    metrics, note = newest_with(store, "town", "sfm", "training")
+    assert metrics["version"] == finished.name
+    assert finished.name in note and "town ended before sfm" in note
+    assert newest_with(store, "town")[0]["version"] == newest.name
+
+
+def test_the_last_version_is_taken_without_a_word_where_it_has_all_or_none_has_more(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    made(store, "sfm")
+    newest = made(store, "sfm")
+    for steps in (("sfm",), ("training",), ("sfm", "training")):
+        metrics, note = newest_with(store, "town", *steps)
+        assert metrics["version"] == newest.name and not note
+
+
+def test_where_no_version_has_all_the_newest_that_made_most_is_taken(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    made(store, "sfm")
+    most = made(store, "sfm", "surface")
+    made(store, "sfm")
+    metrics, note = newest_with(store, "town", "sfm", "surface", "training")
+    assert metrics["version"] == most.name and "before surface" in note
+
+
+@pytest.mark.parametrize("ending", layout.SCENE_FILES)
+def test_a_registered_scene_without_a_version_is_told_from_one_that_nobody_knows(tmp_path: Path, ending: str) -> None:
+    store = Store(tmp_path)
+    (tmp_path / layout.SCENES / f"hill{ending}").touch()
+    with pytest.raises(UsageError, match=r"'hill' is registered .*was never run") as told:
+        last_version(store, "hill")
+    assert "aug3d run hill" in told.value.remedy
+    with pytest.raises(UsageError, match="there is no scene 'dale'"):
+        last_version(store, "dale")
