@@ -15,7 +15,7 @@ from rich.markup import escape
 
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.versions import model_of, versions
-from aug3d_core.factory.build import build, work_of
+from aug3d_core.factory.build import Built, Work, build, work_of
 from aug3d_core.factory.config import AUTO, scene_config
 from aug3d_core.factory.material import Material, Source, source_of
 from aug3d_core.factory.stages import PREVIEW, TO_POSES
@@ -56,26 +56,25 @@ def preview(store: Store, photos: Path, model: str, out: Path | None, as_json: b
     with store.using(), console.status("finding poses ...") as status:
         trained = model_named(store, model)
 
-        def make(visit: Visit):
-            assert visit.work
-            name = visit.step.name
+        def made(name: str, work: Work) -> Built:
             status.update(f"{name} ...")
-            built = build(store, visit.work, partial(_say, status, name))
+            built = build(store, work, partial(_say, status, name))
             console.print(
                 f"{name}: {built.record.seconds:.0f} s{' (in the store)' if built.cached else ''}", highlight=False
             )
             return built
+
+        def make(visit: Visit) -> Built:
+            assert visit.work
+            return made(visit.step.name, visit.work)
 
         material = Material(photos=photos.resolve())
         records: dict[str, Record] = {}
         for visit in walk(store, TO_POSES, scene_config(AUTO), material, make):
             assert visit.record
             records[visit.step.name] = visit.record
-        status.update("views and flight ...")
         sources = {"sfm": source_of(store, records["sfm"]), "training": trained}
-        record = build(
-            store, work_of(PREVIEW, PreviewConfig(), sources), partial(_say, status, "views and flight")
-        ).record
+        record = made("views and flight", work_of(PREVIEW, PreviewConfig(), sources)).record
         folder = _handed_over(store.files_dir(record), out)
     told = {
         "state": record.state,

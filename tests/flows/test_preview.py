@@ -35,7 +35,7 @@ def test_a_model_that_may_be_no_help_ends_with_three(
     (tmp_path / "made" / PREVIEW_VIEWS).mkdir(parents=True)
     for name in (PREVIEW_SHEET, PREVIEW_FLIGHT):
         (tmp_path / "made" / name).touch()
-    record = SimpleNamespace(state=state, metrics=FIGURES, notes=("one",))
+    record = SimpleNamespace(state=state, metrics=FIGURES, notes=("one",), seconds=61.0)
     poses = SimpleNamespace(metrics={"registered": 8}, notes=())
     source = Source(path=tmp_path, digest="d")
     monkeypatch.setattr(previewing, "model_named", lambda *_: source)
@@ -43,7 +43,7 @@ def test_a_model_that_may_be_no_help_ends_with_three(
     monkeypatch.setattr(
         previewing, "walk", lambda *_: [SimpleNamespace(step=SimpleNamespace(name="sfm"), record=poses)]
     )
-    monkeypatch.setattr(previewing, "build", lambda *_: SimpleNamespace(record=record))
+    monkeypatch.setattr(previewing, "build", lambda *_: SimpleNamespace(record=record, cached=False))
     monkeypatch.setattr(Store, "files_dir", lambda *_: tmp_path / "made")
     for as_json in (True, False):
         left = previewing.preview(Store(tmp_path / "home"), tmp_path, "towns", tmp_path / f"out{as_json}", as_json)
