@@ -19,8 +19,12 @@ PRESETS = ("tiny", "small")
 
 def costs_of(survey: Survey, calibration: Calibration) -> Mapping[str, Cost]:
     """Return what a whole run takes, by preset."""
-    pixels = median(photo.original_size[0] * photo.original_size[1] for photo in survey.photos)
-    size = SceneSize(len(survey.photos), float(pixels), survey.ground is not None)
+    sizes = [photo.original_size for photo in survey.photos]
+    pixels, aspect = (
+        median(width * height for width, height in sizes),
+        median(width / height for width, height in sizes),
+    )
+    size = SceneSize(len(sizes), float(pixels), survey.ground is not None, aspect)
     steps = [Step(stage) for stage in Material(photos=survey.folder).stages()]
     costs = {}
     for preset in PRESETS:

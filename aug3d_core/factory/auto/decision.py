@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float, Int
+
 from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.material import Material
 from aug3d_core.photos.discover import find_photos
@@ -60,11 +63,22 @@ class Known:
         return None if count is None else int(count)
 
     @cached_property
-    def photo_px(self) -> int:
-        """The longest side that any photograph is worked on with, px; while none is read, what it is at most."""
+    def photo_sizes(self) -> Int[np.ndarray, "n 2"] | Float[np.ndarray, "n 2"]:
+        """Width and height that photographs are worked on with, px; while none is read, what they are at most."""
         from aug3d_core.photos.files import PHOTO_TABLE, read_photos
 
         folder = self.folder("photos", PHOTO_TABLE)
         if folder is None:
-            return self.config.photos.max_px
-        return int(read_photos(folder)[["width_px", "height_px"]].to_numpy().max())
+            return np.full((1, 2), self.config.photos.max_px)
+        return read_photos(folder)[["width_px", "height_px"]].to_numpy()
+
+    @property
+    def photo_px(self) -> int:
+        """The width of the widest photograph as it is worked on, px."""
+        return int(self.photo_sizes[:, 0].max())
+
+    @property
+    def photo_over_view(self) -> float:
+        """The pixels of a photograph along a side of a packed view's pixel: of the median one, cropped as it is packed."""
+        packed = self.config.dataset
+        return float(np.median((self.photo_sizes / [packed.width_px, packed.height_px]).min(axis=1)))

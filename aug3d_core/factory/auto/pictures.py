@@ -62,7 +62,7 @@ def first_octave(known: Known) -> Decision | None:
     return Decision(
         field="matching.first_octave",
         value=0,
-        measured=f"{photos} photographs of {known.photo_px} px",
+        measured=f"{photos} photographs {known.photo_px} px wide",
         rule=f"0: the original size, which finds about one feature per 15 x 15 px; the preset's value with fewer than"
         f" {FEW_PHOTOS} photographs",
         saves="three quarters of the searched pixels and the smallest half of the features; two thirds of the time for poses on"
@@ -72,14 +72,14 @@ def first_octave(known: Known) -> Decision | None:
 
 
 def depth_px(known: Known) -> Decision:
-    """Make depth maps a few times larger than the views, never larger than the photographs."""
+    """Make depth maps a few times wider than the views, never wider than the photographs."""
     preset, width = known.config.depth.max_px, known.config.dataset.width_px
     value = min(max(_DEPTH_OVER_VIEW * width, _LEAST_DEPTH_PX), known.photo_px)
     return Decision(
         field="depth.max_px",
         value=value,
-        measured=f"views of {width} px; photographs of {known.photo_px} px",
-        rule=f"{_DEPTH_OVER_VIEW} times the views' width, at least {_LEAST_DEPTH_PX} px, at most the size of the photographs",
+        measured=f"views {width} px wide; photographs {known.photo_px} px wide",
+        rule=f"{_DEPTH_OVER_VIEW} times the views' width, at least {_LEAST_DEPTH_PX} px, at most the width of the photographs",
         saves=f"{1 - (value / preset) ** 2:.0%} of the pixels of a depth map of {preset} px" if value < preset else "",
         costs="on the town the F-score of the mesh at 0.5 % of the extent fell from 0.973 to 0.944 with 256 instead of 512 px"
         if value < preset
@@ -90,11 +90,11 @@ def depth_px(known: Known) -> Decision:
 def texel(known: Known) -> Decision:
     """Choose the size of a texel from the pixel of a view, however fine the photographs are."""
     preset, width = known.config.surface.texel_gsd, known.config.dataset.width_px
-    value = round(max(preset, known.photo_px / (_TEXELS_PER_PIXEL * width)), 2)
+    value = round(max(preset, known.photo_over_view / _TEXELS_PER_PIXEL), 2)
     return Decision(
         field="surface.texel_gsd",
         value=value,
-        measured=f"one of {width} pixels across a view covers {known.photo_px / width:.1f} pixels of a photograph",
+        measured=f"one of {width} pixels across a view covers {known.photo_over_view:.1f} pixels of a photograph",
         rule=f"{_TEXELS_PER_PIXEL} texels per pixel of a view, each at least {preset:g} pixels of a photograph",
         saves=f"{1 - (preset / value) ** 2:.0%} of the texels" if value > preset else "",
         costs="on the town the mesh at full size fell from 23.6 to 22.5 dB with 2 pixels per texel; views of this size do not"

@@ -116,11 +116,14 @@ def samples_of(store: Store) -> Iterator[Sample]:
                 yield sample
 
 
-def samples_of_records(records: Mapping[str, Record]) -> Iterator[Sample]:
-    """Yield the objects of one scene, by step, with the settings and the size that they have in common."""
+def samples_of_records(records: Mapping[str, Record], store: Store | None = None) -> Iterator[Sample]:
+    """Yield the objects of one scene, by step, with the settings and the size that they have in common.
+
+    store: where they are; without it photographs are taken for 4 x 3.
+    """
     if "photos" not in records:
         return
-    size = size_of_record(records["photos"])
+    size = size_of_record(records["photos"], store)
     settings = {record.stage: record.config for step, record in records.items() if step == record.stage}
     config = SceneConfig.model_validate({**scene_config("tiny").model_dump(), **settings})
     for record in records.values():
@@ -133,7 +136,7 @@ def _samples_of_version(store: Store, version: Path) -> list[Sample]:
         metrics = version_metrics(version)
         if store.shared is not None and Path(metrics["paths"]["metrics"]).parent != version:
             return []  # of another machine
-        samples = samples_of_records(records_of(store, metrics))
+        samples = samples_of_records(records_of(store, metrics), store)
         if store.shared is None:
             return list(samples)
         made = {step for step, figures in metrics["stages"].items() if not figures["cached"]}

@@ -63,7 +63,7 @@ def estimate_plan(
     missing = [visit.step for visit in plan if visit.record is None]
     if not missing:
         return PlanEstimate({visit.step.name: None for visit in plan}, total_of(()), 1, "", ())
-    size = size_of(material, config, made)
+    size = size_of(material, config, made, store)
     chosen = likely_settings(config, size, plan, store, material)
     calibration = calibration_of(store, timed=timed)
     costs = estimate_of(chosen, size, calibration)

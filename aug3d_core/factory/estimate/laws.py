@@ -90,7 +90,8 @@ class Scene:
     @cached_property
     def photo_mpx(self) -> float:
         """The pixels that a photograph is worked on with, in millions."""
-        return min(self.given_mpx, _mpx(self.config.photos.max_px))
+        aspect = self.size.aspect
+        return min(self.given_mpx, self.config.photos.max_px**2 * min(aspect, 1 / aspect) / MEGA)
 
     @cached_property
     def features(self) -> float:
@@ -128,14 +129,15 @@ class Scene:
 
     @cached_property
     def depth_mpx(self) -> float:
-        """The pixels of a depth map, in millions."""
-        return min(self.photo_mpx, _mpx(self.config.depth.max_px))
+        """The pixels of a depth map, in millions: its width is bounded, that of a photograph that stands upright too."""
+        return min(self.photo_mpx, self.config.depth.max_px**2 / self.size.aspect / MEGA)
 
     @cached_property
     def planes(self) -> float:
-        """The planes on which a depth map is searched: the wider it is, the more."""
-        width_px = math.sqrt(self.depth_mpx * MEGA * 4 / 3)
-        return 38 * (width_px / 512) * (2 / self.config.depth.plane_step_px)
+        """The planes on which a depth map is searched: the longer its longest side, the more."""
+        aspect = self.size.aspect
+        longest_px = math.sqrt(self.depth_mpx * MEGA * max(aspect, 1 / aspect))
+        return 38 * (longest_px / 512) * (2 / self.config.depth.plane_step_px)
 
     @cached_property
     def k(self) -> int:
@@ -373,8 +375,3 @@ def scene_here(config: SceneConfig, size: SceneSize, cores: int | None = None) -
 def law_of(stage: str, scene: Scene) -> Figures:
     """Return what a stage takes on the reference machine, with as many cores."""
     return LAWS[stage](scene).on(scene.cores)
-
-
-def _mpx(longest_px: int) -> float:
-    """Return the pixels of a photograph of 4 x 3 with that longest side, in millions."""
-    return 0.75 * longest_px**2 / MEGA

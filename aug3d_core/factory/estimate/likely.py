@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
 from aug3d_core.factory.auto.decision import Known
 from aug3d_core.factory.auto.settle import settle_by
 from aug3d_core.factory.config import SceneConfig, left_open
@@ -49,9 +52,10 @@ class Likely(Known):
         return max(round(_TRAINED_ON * self.size.photos), 1)
 
     @property
-    def photo_px(self) -> int:
-        """The longest side that a photograph is worked on with, px: of photographs of 4 x 3."""
-        return min(round((self.size.photo_px * 4 / 3) ** 0.5), self.config.photos.max_px)
+    def photo_sizes(self) -> Float[np.ndarray, "1 2"]:
+        """Width and height that the median photograph is worked on with, px."""
+        given = np.array([[self.size.width_px, self.size.height_px]])
+        return np.rint(given * min(1.0, self.config.photos.max_px / given.max()))
 
 
 def likely_settings(

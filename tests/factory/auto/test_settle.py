@@ -17,7 +17,7 @@ from aug3d_core.heads.config import names
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.nested import flat, value_at
-from aug3d_core.run.stage import StageConfig
+from aug3d_core.run.stage import Decision, StageConfig
 from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -65,6 +65,9 @@ def settled(store: Store, stage: str, *overrides: str, train: int = 31, **metric
 
 
 NERF = ("training.head=pixelnerf", "dataset.width_px=96", "dataset.height_px=72")  # as its rules were measured
+
+
+OF_20: dict[str, Any] = {"grouping__k": 20, "grouping__support_views": 25}  # groups in which much can be given
 
 
 def test_each_setting_that_is_left_open_has_a_rule_and_is_one() -> None:
@@ -171,9 +174,65 @@ def test_depth_and_texels_are_never_finer_than_the_photographs(store: Store) -> 
     sizes = pd.DataFrame({"width_px": [200, 150], "height_px": [150, 240]})
     sizes.to_parquet(store.root / "photos" / PHOTO_TABLE)
     records = made() | {"photos": record("photos", config={"max_px": 1024})}  # of which the photographs have less
-    assert settle(STAGES["depth"], scene_config(AUTO), records, store).decisions[0].value == 240
+    assert settle(STAGES["depth"], scene_config(AUTO), records, store).decisions[0].value == 200
     texel = settle(STAGES["surface"], scene_config(AUTO), records, store).decisions[0]
-    assert texel.value == 1 and "covers 0.9 pixels of a photograph" in texel.measured
+    assert texel.value == 1 and "covers 0.7 pixels of a photograph" in texel.measured
+
+
+@pytest.mark.parametrize(
+    ("sizes", "texel_gsd", "pixels", "widest"),
+    [
+        ([(1024, 768)], 1.6, "4.0", 1024), ([(768, 1024)], 1.2, "3.0", 768), ([(1024, 576)], 1.2, "3.0", 1024),
+        ([(1024, 768), (1024, 768), (4096, 3072)], 1.6, "4.0", 4096),
+    ],
+)  # fmt: skip
+def test_photographs_are_measured_along_the_side_by_which_they_are_packed(
+    sizes: list[tuple[int, int]], texel_gsd: float, pixels: str, widest: int, store: Store
+) -> None:
+    """The median one is, for texels; maps are as wide as the widest at most."""
+    (store.root / "photos").mkdir()
+    pd.DataFrame(sizes, columns=["width_px", "height_px"]).to_parquet(store.root / "photos" / PHOTO_TABLE)
+    records = made() | {"photos": record("photos")}
+    texel = settle(STAGES["surface"], scene_config(AUTO), records, store).decisions[0]
+    assert texel.value == texel_gsd and f"covers {pixels} pixels of a photograph" in texel.measured
+    large = scene_config(AUTO, ["dataset.width_px=3000"])
+    assert settle(STAGES["depth"], large, records, store).decisions[0].value == widest
+
+
+@pytest.mark.parametrize(
+    ("overrides", "figures", "field", "wanted", "bound"),
+    [
+        (("training.head=pixelnerf",), {"grouping__worth_training_on": 10_000}, "training.warmup_steps", "120,000", 100_000),
+        ((*NERF, "training.input_views=9"), OF_20, "evaluation.input_views", "18", 16),
+        ((*NERF, "photos.max_px=5160"), {}, "surface.texel_gsd", "21.5", 20),
+    ],
+)  # fmt: skip
+def test_no_more_is_decided_than_a_setting_may_have(
+    overrides: tuple[str, ...], figures: dict[str, Any], field: str, wanted: str, bound: int, store: Store
+) -> None:
+    stage, _, name = field.partition(".")
+    found = settle(STAGES[stage], scene_config(AUTO, overrides), made(**figures), store)
+    (decision,) = (one for one in found.decisions if one.field == field)
+    assert decision.value == bound == value_at(found.config.model_dump(), name)
+    assert f"that would be {wanted}, and {bound:,} is the bound of the setting" in decision.rule
+
+
+def test_a_decision_within_its_bounds_does_not_speak_of_them(store: Store) -> None:
+    config = scene_config(AUTO, [*NERF, "training.input_views=8"])
+    (decision,) = settle(STAGES["evaluation"], config, made(**OF_20), store).decisions
+    assert decision.value == 16 and "bound" not in decision.rule
+
+
+def test_a_decision_that_a_stage_refuses_is_told_with_its_setting(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wide(field: str, head: str) -> Any:
+        return lambda known: Decision(field=field, value="wide", measured="a guess", rule="none")
+
+    monkeypatch.setattr("aug3d_core.factory.auto.settle.rule_of", wide)
+    for stage, field in (("depth", "depth.max_px"), ("training", "training.head.planes")):
+        with pytest.raises(UsageError, match=f"{field}='wide': input should be a valid integer"):
+            settle(STAGES[stage], scene_config(AUTO), made(), store)
 
 
 def test_what_smaller_depth_maps_cost_is_told_where_they_are_smaller(store: Store) -> None:

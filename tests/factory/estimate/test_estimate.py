@@ -7,8 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from aug3d_core.depth.cameras import depth_sizes
 from aug3d_core.factory.build import Built
 from aug3d_core.factory.config import AUTO, SceneConfig, scene_config
 from aug3d_core.factory.estimate import calibration
@@ -22,14 +25,16 @@ from aug3d_core.factory.estimate.calibration import (
 )
 from aug3d_core.factory.estimate.cost import Cost, Range
 from aug3d_core.factory.estimate.estimate import estimate_of, estimate_plan, in_folds
-from aug3d_core.factory.estimate.laws import LAWS
+from aug3d_core.factory.estimate.laws import LAWS, scene_here
 from aug3d_core.factory.estimate.likely import likely_settings
 from aug3d_core.factory.estimate.size import SceneSize, size_of
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.plan import steps
 from aug3d_core.factory.stages import FROM_TOWN, STAGES
 from aug3d_core.factory.walk import Visit, planned
+from aug3d_core.geometry.views import Views
 from aug3d_core.heads.config import names
+from aug3d_core.photos.files import PHOTO_IMAGES
 from aug3d_core.store.record import FileEntry, Record
 from aug3d_core.store.seal import sealed
 from aug3d_core.store.store import Store
@@ -263,8 +268,6 @@ def test_all_together_counts_the_folds_that_are_likely(photos: int, overrides: t
 
 @pytest.fixture
 def of_size(tmp_path: Path) -> Callable[..., Material]:
-    from PIL import Image
-
     def make(count: int, width: int, height: int) -> Material:
         folder = tmp_path / f"{count}-{width}"
         folder.mkdir()
@@ -283,6 +286,43 @@ def test_the_size_of_a_folder_is_read_from_a_few_headers(of_size: Callable[..., 
         if i % 3:
             (given.photos / f"{i}.jpg").write_bytes(b"no picture")
     assert size_of(given, TINY, {}).photos == 50
+
+
+@pytest.mark.parametrize("max_px", [256, 512, 900, 4000])
+@pytest.mark.parametrize("size", [(1024, 768), (768, 1024), (1024, 576), (1024, 1024)])
+def test_depth_maps_are_as_large_as_their_stage_makes_them(size: tuple[int, int], max_px: int) -> None:
+    views = Views(np.arange(1), np.eye(4)[None, :3], np.ones((1, 4)), np.array([size]))
+    width, height = size  # as photographs of four times the size are worked on
+    given = SceneSize(60, 16.0 * width * height, aspect=width / height)
+    scene = scene_here(scene_config("tiny", [f"depth.max_px={max_px}"]), given)
+    expected = depth_sizes(views, max_px)[0]
+    assert scene.depth_mpx * 1e6 == pytest.approx(expected.prod(), rel=3e-3)
+    assert scene.planes == pytest.approx(38 * expected.max() / 512, rel=3e-3), "by the side along which most is seen"
+
+
+def test_photographs_that_stand_upright_are_known_by_their_headers_and_by_their_copies(
+    of_size: Callable[..., Material], tmp_path: Path
+) -> None:
+    store, aspect = Store(tmp_path / "home"), 240 / 320
+    assert size_of(of_size(3, 240, 320), TINY, {}) == SceneSize(3, 320 * 240, gps=False, aspect=aspect)
+    file = FileEntry(sha256="", size_bytes=1, mtime_ns=0)
+    read = record("photos", 1.0, READ).model_copy(update={"files": {f"{PHOTO_IMAGES}/{i}.png": file for i in range(4)}})
+    (store.place(read) / PHOTO_IMAGES).mkdir(parents=True)
+    assert size_of(Material(), TINY, {"photos": read}, store).aspect == 4 / 3, "none of them is here"
+    for i in range(3):
+        Image.new("RGB", (240, 320)).save(store.place(read) / PHOTO_IMAGES / f"{i}.png")
+    assert size_of(Material(), TINY, {"photos": read}, store).aspect == aspect
+    assert {sample.size.aspect for sample in samples_of_records(made_in(1.0) | {"photos": read}, store)} == {aspect}
+
+
+def test_texels_are_likely_as_large_as_upright_photographs_make_them(tmp_path: Path) -> None:
+    store, auto = Store(tmp_path), scene_config(AUTO, ["photos.max_px=1024"])
+    plan = list(planned(store, Material(), auto))
+    lying, upright = (
+        likely_settings(auto, SceneSize(60, 12e6, aspect=aspect), plan, store, Material()).surface.texel_gsd
+        for aspect in (4 / 3, 3 / 4)
+    )
+    assert (lying, upright) == (1.6, 1.2)
 
 
 def test_the_size_of_the_town_follows_from_its_settings() -> None:

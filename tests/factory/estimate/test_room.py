@@ -10,8 +10,10 @@ from types import SimpleNamespace
 import pytest
 
 from aug3d_core.factory.build import Built
-from aug3d_core.factory.config import SceneConfig, overridden, scene_config
+from aug3d_core.factory.config import AUTO, SceneConfig, overridden, scene_config
+from aug3d_core.factory.estimate.estimate import estimate_of
 from aug3d_core.factory.estimate.room import check_room, needed_bytes
+from aug3d_core.factory.estimate.size import size_of
 from aug3d_core.factory.material import Material
 from aug3d_core.factory.plan import Step, steps
 from aug3d_core.factory.stages import FROM_PHOTOS, FROM_TOWN
@@ -45,18 +47,18 @@ def nothing_made(given: Material) -> list[Visit]:
     return [Visit(step) for step in stages_of(given)]
 
 
-def record(stage: str, size_bytes: int) -> Record:
+def record(stage: str, size_bytes: int, config: SceneConfig = TINY) -> Record:
     return Record(
-        stage=stage, key="k", digest="d", recipe="r", config=getattr(TINY, stage).model_dump(), inputs={}, versions={},
+        stage=stage, key="k", digest="d", recipe="r", config=getattr(config, stage).model_dump(), inputs={}, versions={},
         files={"all": FileEntry(sha256="", size_bytes=size_bytes, mtime_ns=0)},
-        metrics={"photos": 60, "megapixels_median": 0.3, "with_gps": 60},
+        metrics={"photos": 60, "megapixels_median": 0.3072, "with_gps": 60},
         state="ok", notes=(), series={}, pictures={}, seconds=1.0, peak_mib=1.0,
     )  # fmt: skip
 
 
-def version(size_bytes: int) -> dict[str, Record]:
+def version(size_bytes: int, config: SceneConfig = TINY) -> dict[str, Record]:
     """Return the records of an earlier version, each of the same size."""
-    return {stage.name: record(stage.name, size_bytes) for stage in FROM_TOWN}
+    return {stage.name: record(stage.name, size_bytes, config) for stage in FROM_TOWN}
 
 
 def made_again(before: dict[str, Record], *names: str) -> list[Visit]:
@@ -111,6 +113,65 @@ def test_a_scene_made_before_needs_twice_what_its_missing_steps_wrote(
         check_room(store, "demo", Material(), TINY, before, plan)
 
 
+def wrote_by_law(given: Material, times: int = 1) -> dict[str, Record]:
+    """Return the records of a version of which each step wrote what its law says, or some times as much."""
+    costs = estimate_of(TINY, size_of(given, TINY, {}))
+    return {stage: record(stage, round(times * costs[stage].disk_mib.likely * MIB)) for stage in costs}
+
+
+@pytest.mark.parametrize(
+    "changes", [(), ("town.max_photos=45",), ("town.max_photos=200",), ("depth.max_px=256",), ("dataset.width_px=512",)]
+)
+def test_a_scene_made_before_needs_as_many_times_more_as_it_has_grown(store: Store, changes: tuple[str, ...]) -> None:
+    before, config = wrote_by_law(Material()), overridden(TINY, ["town.max_photos=60", *changes])
+    costs = estimate_of(config, size_of(Material(), config, {}))
+    stages = stages_of(Material())
+    need_mib = needed_bytes(store, Material(), config, before, stages) / MIB
+    assert need_mib - 64 == pytest.approx(2 * sum(costs[step.name].disk_mib.likely for step in stages), rel=1e-3)
+
+
+@pytest.mark.parametrize("domes", [16, 0])  # none are likely
+def test_what_auto_decided_last_time_counts_where_it_is_still_open(domes: int, store: Store) -> None:
+    auto = scene_config(AUTO)
+    before = version(1000 * MIB, overridden(auto, [f"sampling.domes={domes}"]))
+    needed = needed_bytes(store, Material(), auto, before, stages_of(Material()))
+    assert needed == pytest.approx((2 * 1000 * len(before) + 64) * MIB)
+    coarser = overridden(auto, ["depth.max_px=128"])
+    depth = [step for step in stages_of(Material()) if step.name == "depth"]
+    assert needed_bytes(store, Material(), coarser, before, depth) < 300 * MIB, "what is set is no more open"
+
+
+def test_a_step_that_wrote_nothing_tells_nothing_of_one_that_has_to(store: Store) -> None:
+    rendering = [step for step in stages_of(Material()) if step.name == "rendering"]
+    before = version(1)
+    idle = {**before["sampling"].config, "domes": 0}
+    before["sampling"] = before["sampling"].model_copy(update={"config": idle})
+    assert needed_bytes(store, Material(), TINY, before, rendering) == needed_bytes(
+        store, Material(), TINY, {}, rendering
+    )
+
+
+def test_a_version_that_tells_no_size_or_other_settings_counts_as_none(store: Store) -> None:
+    stages = stages_of(Material())
+    first = needed_bytes(store, Material(), TINY, {}, stages)
+    before = version(1)
+    assert needed_bytes(store, Material(), TINY, {"town": before["town"]}, stages) == first
+    before["depth"] = before["depth"].model_copy(update={"config": {"of": "long ago"}})
+    assert needed_bytes(store, Material(), TINY, before, stages) == first
+
+
+def test_the_setting_that_is_named_makes_a_scene_fit_that_was_made_before(
+    store: Store, free_mib: Callable[[float], None]
+) -> None:
+    before, plan = wrote_by_law(Material(), 3), nothing_made(Material())
+    free_mib(1.05 * needed_bytes(store, Material(), TINY, before, stages_of(Material())) / MIB)
+    check_room(store, "demo", Material(), TINY, before, plan)
+    finer = overridden(TINY, ["depth.max_px=1024"])
+    with pytest.raises(StoreError) as caught:
+        check_room(store, "demo", Material(), finer, before, plan)
+    check_room(store, "demo", Material(), named_setting(caught.value, finer), before, plan)
+
+
 def test_later_folds_count_as_the_first_did(store: Store, free_mib: Callable[[float], None]) -> None:
     before = version(1000 * MIB)
     training = next(stage for stage in FROM_TOWN if stage.name == "training")
@@ -137,9 +198,9 @@ def test_photographs_that_cannot_be_read_are_left_to_their_stage(tmp_path: Path,
     assert needed_bytes(store, gone, TINY, {}, stages_of(gone)) == 0
 
 
-def named_setting(error: Aug3dError) -> SceneConfig:
+def named_setting(error: Aug3dError, config: SceneConfig = TINY) -> SceneConfig:
     """Return the settings with the one changed that an error names."""
-    return overridden(TINY, [error.remedy.partition("--set ")[2].partition(",")[0].split()[0]])
+    return overridden(config, [error.remedy.partition("--set ")[2].partition(",")[0].split()[0]])
 
 
 def test_a_run_without_disk_names_the_figures_the_disk_and_what_to_do(small_disk: Callable[[int], Path]) -> None:
@@ -168,11 +229,11 @@ def test_a_stage_that_cannot_have_enough_memory_is_refused_with_a_setting_that_h
     free_mib(10**7)
     given = material(tmp_path / "photos", 500)
     large = scene_config("tiny", ["depth.max_px=4096", "photos.max_px=4096"])
-    monkeypatch.setenv(LIMIT_MEMORY, "2.5")
+    monkeypatch.setenv(LIMIT_MEMORY, "3.3")
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})  # matching takes more memory on more cores
     with pytest.raises(TooLarge) as caught:
         check_room(store, "city", given, large, {}, nothing_made(given))
-    assert "of scene 'city' needs" in caught.value.problem and "2.5 GiB" in caught.value.problem
+    assert "of scene 'city' needs" in caught.value.problem and "3.3 GiB" in caught.value.problem
     assert "--set photos.max_px=" in caught.value.remedy and LIMIT_MEMORY in caught.value.remedy
     path, value = caught.value.remedy.partition("--set ")[2].partition(",")[0].split("=")
     check_room(store, "city", given, overridden(large, [f"{path}={value}"]), {}, nothing_made(given))
