@@ -48,7 +48,7 @@ def read_control(file: Path, photos: pd.DataFrame) -> tuple[pd.DataFrame, tuple[
 
     Columns: `point`, `check` (it only judges), `lat_deg`, `lon_deg`, `alt_m`, `photo_id`, `x_px`, `y_px` (of the working copy)
     and `line`. Heights stay on the datum of the file, and become metres. Raises InputError, with file and line, for what
-    cannot be read, cannot be right, or has no mark in any of the photographs.
+    cannot be read, cannot be right, or has no mark in any of the photographs, or none of them with a height.
     """
     crs, marks = _parsed(file)
     _check_names(file, marks)
@@ -59,6 +59,8 @@ def read_control(file: Path, photos: pd.DataFrame) -> tuple[pd.DataFrame, tuple[
             f"{file} names none of the photographs: line {marks[0].line} has {marks[0].photo!r}",
             f"Name them as they are, such as {photos['name'].iloc[0]}.",
         )
+    if not used:
+        raise InputError(f"{file}: no point that these photographs show has a height", "Write it in the third column.")
     at = photos.iloc[[rows[mark.photo] for mark in used]]
     stored = at[["original_width_px", "original_height_px"]].to_numpy(float)
     for mark, size in zip(used, stored, strict=True):

@@ -1,4 +1,7 @@
-"""Open and decode a user's picture: a regular file, within a stated share of the memory, as 8-bit RGB."""
+"""Open and decode a user's picture: a regular file, within a stated share of the memory, as 8-bit RGB.
+
+Pixels and size are as stored in every format: no EXIF orientation is applied.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from PIL.TiffImagePlugin import TiffImageFile
 
 from aug3d_core.run.memory import MemoryBudget, total_bytes
 from aug3d_core.run.regular_file import opened
@@ -33,6 +37,8 @@ def opened_picture(path: Path) -> Iterator[tuple[io.BufferedReader, Image.Image]
     """Open a picture's file and its header; what goes wrong while it is open becomes a PictureError."""
     try:
         with opened(path) as file, Image.open(file, formats=FORMATS) as image:
+            if isinstance(image, TiffImageFile):
+                _keep_unturned(image)
             yield file, image
     except (PictureError, MemoryError):
         raise
@@ -40,6 +46,12 @@ def opened_picture(path: Path) -> Iterator[tuple[io.BufferedReader, Image.Image]
         raise PictureError(f"too large: {error}") from error
     except Exception as error:  # Pillow raises whatever its parsers meet in damaged files, SyntaxError among them
         raise PictureError(f"unreadable: {_reason(error)}") from error
+
+
+def _keep_unturned(image: TiffImageFile) -> None:
+    """Let an opened TIFF keep its stored size and pixels, which Pillow turns by the orientation, as in no other format here."""
+    image._size = image._tile_size  # Pillow has exchanged width and height for a quarter turn
+    image.load_end = lambda: None  # what turns the decoded pixels
 
 
 def take_memory(image: Image.Image, budget: MemoryBudget, held: ExitStack) -> None:

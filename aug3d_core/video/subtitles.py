@@ -36,10 +36,14 @@ class Track:
     places: Float[np.ndarray, "n 3"]
 
     def at(self, second: float) -> Float[np.ndarray, " 3"]:
-        """Return the place at a time, between two that are told; NaN where none is."""
+        """Return the place at a time, between two that are told, the short way round the earth; NaN where none is."""
         if not len(self.seconds):
             return np.full(3, np.nan)
-        return np.array([np.interp(second, self.seconds, column) for column in self.places.T])
+        lat, lon, alt = self.places.T
+        columns = lat, np.unwrap(lon, period=360), alt
+        place = np.array([np.interp(second, self.seconds, column) for column in columns])
+        place[1] -= 360 * np.round(place[1] / 360)
+        return place
 
 
 NOWHERE = Track(np.zeros(0), np.zeros((0, 3)))

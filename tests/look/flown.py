@@ -114,6 +114,12 @@ def dji(shot: Shot) -> bytes:
     return f'<x:xmpmeta><rdf:Description {told} drone-dji:GimbalPitchDegree="-90.00"/></x:xmpmeta>'.encode()
 
 
+def pix4d(shot: Shot) -> bytes:
+    """Return the XMP of a drone whose maker writes the names of Pix4D: its camera looks nearly straight down."""
+    told = f'Camera:Yaw="{shot.yaw_deg:.1f}" Camera:Pitch="0.8"'
+    return f'<x:xmpmeta><rdf:Description tiff:Make="senseFly" {told}/></x:xmpmeta>'.encode()
+
+
 def without(shots: list[Shot], *lines_left_out: int, each: int = 8) -> Iterator[Shot]:
     """Yield the shots of the other lines."""
     yield from (shot for i, shot in enumerate(shots) if i // each not in lines_left_out)

@@ -10,7 +10,7 @@ import pytest
 
 from aug3d_core.look.ground import Ground
 from aug3d_core.look.survey import Survey, survey_of
-from tests.look.flown import HEIGHT_M, WIDTH_M, Shot, dji, lines, take, without
+from tests.look.flown import HEIGHT_M, WIDTH_M, Shot, dji, lines, pix4d, take, without
 
 
 def surveyed(folder: Path, shots: list[Shot], **how: object) -> Survey:
@@ -39,6 +39,13 @@ def test_pictures_tell_the_height_and_where_north_is(tmp_path: Path, turning: bo
 def test_the_drone_is_believed_where_it_tells_its_height(tmp_path: Path) -> None:
     ground = mapped(tmp_path, lines(), xmp=dji)
     assert (ground.height_m == HEIGHT_M).all() and "start" in ground.height_from
+
+
+def test_a_camera_that_pix4ds_pitch_says_looks_down_shows_the_ground_below_it(tmp_path: Path) -> None:
+    ground = mapped(tmp_path, lines(2, turning=True), xmp=pix4d)
+    middle = ground.corners_m.mean(axis=1)
+    assert middle == pytest.approx(ground.enu_m[:, :2], abs=0.05 * WIDTH_M)
+    assert np.ptp(ground.corners_m, axis=1).max() == pytest.approx(WIDTH_M, rel=0.05)
 
 
 def test_a_line_that_was_not_flown_is_a_gap_and_nothing_else_is(tmp_path: Path) -> None:

@@ -88,6 +88,15 @@ def test_what_is_not_used_is_told(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("gps", [True, False])
+def test_a_list_without_any_height_in_these_photographs_is_refused(tmp_path: Path, gps: bool) -> None:
+    lines = [mark(height=np.nan), mark(height=np.nan, more="1 1 img_1.jpg A"), mark(more="1 1 lost.jpg B")]
+    table = photos() if gps else photos(np.nan, np.nan)
+    with pytest.raises(InputError, match=r"gcp_list.txt: no point that these photographs show has a height") as error:
+        read_control(listed(tmp_path, *lines), table)
+    assert "third column" in error.value.remedy
+
+
 @pytest.mark.parametrize(
     ("lines", "told"),
     [

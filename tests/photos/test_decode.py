@@ -38,13 +38,26 @@ def test_large_photographs_are_reduced(tmp_path: Path, size: tuple[int, int], ex
     assert photo.original_size == size
 
 
-def test_the_orientation_tag_turns_nothing(tmp_path: Path) -> None:
-    path = write_photo(tmp_path / "a.jpg", main={ExifTags.Base.Orientation: 6})
-    photo = decoded(path, tmp_path)
-    assert photo.exif.orientation == 6
-    assert photo.size == (320, 240)
+@pytest.mark.parametrize("orientation", [2, 3, 6, 8])
+@pytest.mark.parametrize("ending", ["jpg", "png", "tif"])
+def test_the_orientation_tag_turns_nothing(tmp_path: Path, ending: str, orientation: int) -> None:
+    photo = decoded(write_photo(tmp_path / f"a.{ending}", main={ExifTags.Base.Orientation: orientation}), tmp_path)
+    assert photo.exif.orientation == orientation
+    assert photo.size == photo.original_size == (320, 240)
     with Image.open(photo.copy) as copy:
         assert not copy.getexif()
+        off = np.abs(np.asarray(copy).astype(int) - np.asarray(pixels()))
+    assert off.mean() < (3 if ending == "jpg" else 1e-9), "a jpg loses some"
+
+
+@pytest.mark.parametrize("compression", ["raw", "tiff_lzw"])  # Pillow decodes the first itself, the second by libtiff
+@pytest.mark.parametrize("deep", [False, True])
+def test_no_kind_of_tiff_is_turned(tmp_path: Path, deep: bool, compression: str) -> None:
+    grey = np.asarray(pixels().convert("L"))
+    stored = Image.fromarray(grey.astype(np.uint16) * 257 if deep else grey)
+    stored.save(tmp_path / "a.tif", compression=compression, tiffinfo={ExifTags.Base.Orientation: 6})
+    with Image.open(decoded(tmp_path / "a.tif", tmp_path).copy) as copy:
+        np.testing.assert_array_equal(np.asarray(copy)[..., 0], grey)
 
 
 @pytest.mark.parametrize("mode", ["L", "P", "RGBA", "CMYK", "I;16", "1"])

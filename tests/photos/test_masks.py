@@ -11,7 +11,7 @@ from PIL import ExifTags, Image
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.photos.discover import find_photos
-from aug3d_core.photos.files import PHOTO_MASKS, image_name, mask_path
+from aug3d_core.photos.files import PHOTO_IMAGES, PHOTO_MASKS, image_name, mask_path
 from aug3d_core.photos.stage import run
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
@@ -87,10 +87,20 @@ def test_a_mask_of_another_size_stops_the_run_and_both_sizes_are_told(folder: Pa
         take_in(folder, tmp_path / "out")
 
 
-def test_a_mask_is_as_the_photograph_is_stored_and_not_as_it_is_shown(folder: Path, tmp_path: Path) -> None:
-    write_photo(folder / "0.jpg", 7, (330, 220), main={ExifTags.Base.Orientation: 6})
+@pytest.mark.parametrize("orientation", [3, 6, 8])
+@pytest.mark.parametrize("ending", ["jpg", "tif"])
+def test_a_mask_is_as_the_photograph_is_stored_and_not_as_it_is_shown(
+    folder: Path, tmp_path: Path, ending: str, orientation: int
+) -> None:
+    (folder / "0.jpg").unlink()
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    left_half().convert("RGB").save(folder / f"0.{ending}", exif=exif)  # black where the mask leaves it out
     left_half().save(folder / "0_mask.png")
     assert take_in(folder, tmp_path / "out").metrics["masked"] == 1
+    used = used_pixels(mask_path(tmp_path / "out", 0))
+    with Image.open(tmp_path / "out" / PHOTO_IMAGES / image_name(0)) as copy:
+        np.testing.assert_array_equal(used, np.asarray(copy.convert("L")) >= 128)
 
 
 def test_a_mask_that_cannot_be_read_stops_the_run(folder: Path, tmp_path: Path) -> None:

@@ -18,10 +18,11 @@ ELEMENTS = (
     b"<drone-dji:GimbalYawDegree>7.5</drone-dji:GimbalYawDegree>"
 )
 AUTEL = b"<Camera:Pitch>-45</Camera:Pitch> <Camera:Yaw>10</Camera:Yaw> drone:RelativeAltitude='30.5'"
+PIX4D = b'<rdf:Description tiff:Make="%s" Camera:Yaw="92.1" Camera:Pitch="%s"/>'
 
 
-def attitude(packet: object) -> Attitude:
-    return read_attitude(SimpleNamespace(info={"xmp": packet}))  # pyright: ignore[reportArgumentType]
+def attitude(packet: object, exif: bytes = b"") -> Attitude:
+    return read_attitude(SimpleNamespace(info={"xmp": packet, "exif": exif}))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(
@@ -32,6 +33,28 @@ def test_attributes_and_elements_are_read(packet: bytes, yaw: float, pitch: floa
     found = attitude(packet)
     assert (found.yaw_deg, found.above_start_m) == (yaw, above)
     assert found.pitch_deg == pitch or (math.isnan(pitch) and math.isnan(found.pitch_deg))
+
+
+@pytest.mark.parametrize(
+    ("written", "pitch"),
+    [(b"0", -90.0), (b"2.3", -87.7), (b"-1.7", -91.7), (b"-45", -135.0), (b"45", -45.0), (b"90", 0.0), (b"180", 90.0)],
+)
+def test_the_pitch_of_pix4d_counts_from_straight_down(written: bytes, pitch: float) -> None:
+    found = attitude(PIX4D % (b"senseFly", written))
+    assert found.yaw_deg == 92.1 and found.pitch_deg == pytest.approx(pitch)
+
+
+@pytest.mark.parametrize("written", [b"-90", b"-46", b"181", b"360"])
+def test_a_pitch_that_no_camera_on_a_drone_has_is_unknown(written: bytes) -> None:
+    assert math.isnan(attitude(PIX4D % (b"senseFly", written)).pitch_deg)
+
+
+@pytest.mark.parametrize(
+    ("written", "pitch"), [(b"-90", -90.0), (b"-30", -30.0), (b"-0.4", -90.4), (b"0", -90.0), (b"60", -30.0)]
+)
+def test_autel_is_understood_in_both_of_its_conventions(written: bytes, pitch: float) -> None:
+    assert attitude(PIX4D % (b"Autel Robotics", written)).pitch_deg == pitch
+    assert attitude(PIX4D % (b"Camera", written), exif=b"Exif\0\0 Autel Robotics").pitch_deg == pitch
 
 
 @pytest.mark.parametrize(

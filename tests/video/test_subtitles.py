@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aug3d_core.run.errors import InputError
-from aug3d_core.video.subtitles import NOWHERE, beside, read_track
+from aug3d_core.video.subtitles import NOWHERE, Track, beside, read_track
 from tests.video.films import write_srt
 
 FORMS = (
@@ -41,6 +41,16 @@ def test_places_of_drones_that_write_them_in_another_order(
     tmp_path: Path, line: str, place: tuple[float, float, float]
 ) -> None:
     np.testing.assert_array_equal(read_track(write_srt(tmp_path / "a.SRT", 5, line), 5.0).at(2.0), place)
+
+
+@pytest.mark.parametrize("towards", [1, -1])
+def test_between_two_sides_of_the_180th_meridian_the_way_is_the_short_one(towards: int) -> None:
+    lon = towards * np.array([179.9998, 179.9999, -180.0, -179.9999])
+    track = Track(np.arange(4.0), np.column_stack([np.full(4, -16.8), lon, np.full(4, 90.0)]))
+    for second, beyond in ((0.5, -1.5e-4), (1.5, -0.5e-4), (2.5, 0.5e-4), (3.0, 1e-4)):
+        place = track.at(second)
+        assert abs(place[1]) <= 180
+        assert ((towards * place[1] - 180 - beyond) + 180) % 360 - 180 == pytest.approx(0, abs=1e-9)
 
 
 def test_zeros_are_no_fix_and_without_places_there_is_none(tmp_path: Path) -> None:
