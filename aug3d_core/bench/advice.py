@@ -104,11 +104,18 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     lead = np.array([db for db, _ in advised]) - best
     ends = interval(lead)
     return found | {
-        "advice_gain_over_best_other": at_least(2.0, float(np.mean([db for db, _ in advised]) / best.mean()), "ratio"),
+        "advice_gain_over_best_other": _gain(float(np.mean([db for db, _ in advised])), float(best.mean())),
         "advice_over_best_other_db": Figure(float(lead.mean()), "dB"),
         "advice_over_best_other_db_low": Figure(ends[0] if ends else None, "dB"),
         "advice_least_clearance": at_least(MARGIN_M, min(clearance), "m above the highest roof"),
     }
+
+
+def _gain(advised_db: float, other_db: float) -> Figure:
+    """Return how many times what the best other adds [dB] the advice adds; where that adds nothing, what the advice adds."""
+    if other_db > 0:
+        return at_least(2.0, advised_db / other_db, "ratio")
+    return Figure(advised_db, "dB, where the best other adds none", 0.0, advised_db > 0)
 
 
 def _flown(store: Store, scene: Measured, overrides: Sequence[str], say: Say) -> Flown:

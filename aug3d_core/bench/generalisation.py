@@ -182,6 +182,8 @@ def _flight(store: Store, folder: Path, name: str, model: Source, make: Make) ->
     shown = tried(single(PREVIEW, PreviewConfig(), sources, make))
     minutes = (time.monotonic() - begun) / 60
     shutil.rmtree(fresh)
+    if shown.failure:
+        return {f"{name}_flight_minutes": Figure(None, "min", FLIGHT_MINUTES, False, shown.failure)}
     return {
         f"{name}_flight_minutes": at_most(FLIGHT_MINUTES, minutes, "min"),
         f"{name}_flight_over_homography": Figure(told(shown, "preview", "over_homography_db"), "dB"),

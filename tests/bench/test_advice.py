@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from aug3d_core.advice.plan import plan_of
-from aug3d_core.bench.advice import MORE, Flown, _clearance, _ways, laid_over_truth
+from aug3d_core.bench.advice import MORE, Flown, _clearance, _gain, _ways, laid_over_truth
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import centres, forward
 from aug3d_core.town.config import TownConfig
@@ -59,3 +59,23 @@ def test_a_reconstruction_is_laid_over_the_truth_by_the_photographs_of_the_fligh
     pd.DataFrame({"photo_id": range(30), "name": names}).to_parquet(tmp_path / "photos.parquet")
     back = laid_over_truth(tmp_path, tmp_path, one)
     assert back.scale == pytest.approx(2.0) and np.allclose(back.translation, moved.translation)
+
+
+@pytest.mark.parametrize(
+    ("advised_db", "other_db", "value", "holds"),
+    [(1.0, 0.4, 2.5, True), (0.5, 0.4, 1.25, False), (-1.0, 0.4, -2.5, False)],
+)
+def test_advice_is_worth_twice_what_the_best_other_adds(
+    advised_db: float, other_db: float, value: float, holds: bool
+) -> None:
+    found = _gain(advised_db, other_db)
+    assert (found.value, found.unit, found.goal, found.holds) == (pytest.approx(value), "ratio", 2.0, holds)
+
+
+@pytest.mark.parametrize("other_db", [-0.4, -0.1, 0.0])
+@pytest.mark.parametrize(("advised_db", "holds"), [(0.5, True), (0.0, False), (-1.0, False)])
+def test_where_the_best_other_adds_nothing_advice_is_worth_what_it_adds(
+    advised_db: float, other_db: float, holds: bool
+) -> None:
+    found = _gain(advised_db, other_db)
+    assert (found.value, found.goal, found.holds) == (advised_db, 0.0, holds) and found.unit.startswith("dB")

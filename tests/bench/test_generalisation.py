@@ -9,7 +9,7 @@ from PIL import Image
 
 from aug3d_core.bench import generalisation
 from aug3d_core.bench.figure import Figure
-from aug3d_core.bench.generalisation import _by_towns, _lasting, _worst
+from aug3d_core.bench.generalisation import FLIGHT_MINUTES, _by_towns, _flight, _lasting, _shipped, _worst
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import make_data
 from aug3d_core.dataset.files import SCENE_ZARR
@@ -103,3 +103,18 @@ def test_every_figure_of_the_contract_is_measured(tmp_path: Path, monkeypatch: p
     assert found["loader_peak_mib"].holds and found["loader_wait_share"].holds
     assert stages.most == generalisation.SCENES
     assert not (store.root / "flight").exists() and not (store.root / "reading").exists()
+
+
+def test_a_flight_whose_preview_fails_reaches_no_goal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = Whole()
+    stages.fails = lambda stage, made: "memory: killed" if stage == "preview" else ""
+    monkeypatch.setattr(generalisation, "directly", lambda store, say: stages.maker(store))
+    monkeypatch.setattr(generalisation, "scene_config", lambda preset: scene_config("tiny"))
+    photos = tmp_path / "coast"
+    photos.mkdir()
+    Image.new("RGB", (32, 24)).save(photos / "a.jpg")
+    store = Store(tmp_path / "store")
+    found = _flight(store, photos, "coast", _shipped(), stages.maker(store))
+    [(name, figure)] = found.items()
+    assert name == "coast_flight_minutes" and "memory: killed" in figure.failure
+    assert (figure.value, figure.goal, figure.holds) == (None, FLIGHT_MINUTES, False)

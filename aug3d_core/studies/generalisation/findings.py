@@ -60,7 +60,10 @@ class Row:
 
 @dataclass(frozen=True)
 class GeneralisationFindings:
-    """What the study found. against: of each scene and head, the tuned model and that of other places over the one alone."""
+    """What the study found. against: of each scene and head, the tuned model and that of other places over the one alone.
+
+    Ways are compared where they share a seed.
+    """
 
     collection: str
     seeds: int
@@ -107,9 +110,11 @@ def findings(collection: str, seeds: int, machine: str, results: Sequence[Genera
         alone = groups.get((scene, "alone", head))
         if way != "alone" and alone:
             for what in ("psnr", "alone"):
-                values = _scores(cells, what)[: len(alone)] - _scores(alone, what)[: len(cells)]
+                mine, its = _by_seed(cells, what), _by_seed(alone, what)
+                apart = [mine[seed] - its[seed] for seed in sorted(mine.keys() & its.keys())]
                 words = "about the scaffold" if what == "psnr" else "from the inputs alone"
-                against[f"{scene}: {title_of(head)} {way} over alone, {words}"] = _lead(values)
+                if apart:
+                    against[f"{scene}: {title_of(head)} {way} over alone, {words}"] = _lead(np.stack(apart))
     return GeneralisationFindings(collection, seeds, machine, results, rows, against)
 
 
@@ -144,9 +149,14 @@ def _foreseen(cells: Sequence[Generalised]) -> tuple[float | None, bool | None]:
 
 def _scores(cells: Sequence[Generalised], what: str) -> np.ndarray:
     """Return the scores (seeds, photographs): of the answer, or of that from the inputs alone."""
-    tables = [cell.views for cell in cells if cell.views is not None]
-    column = "inputs_alone_psnr" if what == "alone" and "inputs_alone_psnr" in tables[0] else "psnr"
-    return np.stack([np.asarray(table[column], float) for table in tables])
+    return np.stack([*_by_seed(cells, what).values()])
+
+
+def _by_seed(cells: Sequence[Generalised], what: str) -> dict[int, np.ndarray]:
+    """Return the scores of each seed (photographs): of the answer, or of that from the inputs alone."""
+    tables = {cell.seed: cell.views for cell in cells if cell.views is not None}
+    free = what == "alone" and all("inputs_alone_psnr" in table for table in tables.values())
+    return {seed: np.asarray(table["inputs_alone_psnr" if free else "psnr"], float) for seed, table in tables.items()}
 
 
 def _lead(values: np.ndarray) -> Lead:

@@ -45,7 +45,7 @@ class PaperTable:
     """A grid of arms.
 
     then: returns further arms after the first are judged. It is given the mean PSNR [dB] and the mean K of each arm that has
-    a score, by name.
+    a score in every fold, by name.
     """
 
     name: str

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 import pandas as pd
 
 from aug3d_core.studies.common.statistics import interval
@@ -27,7 +28,7 @@ class Difference:
     @property
     def verdict(self) -> Verdict:
         """Say whether the first is above the second."""
-        if self.interval is None or self.interval[0] <= 0 <= self.interval[1]:
+        if self.interval is None or not np.isfinite(self.interval).all() or self.interval[0] <= 0 <= self.interval[1]:
             return "not decided"
         return "holds" if self.interval[0] > 0 else "does not hold"
 

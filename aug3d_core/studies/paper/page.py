@@ -19,9 +19,10 @@ from aug3d_core.studies.paper.rows import ArmRow
 _LOOKS = {"holds": "ok", "does not hold": "refused", "not decided": "degraded"}
 _METHOD = (
     "Every run predicts the same held-out photographs from the same inputs, and all are trained for the same number of steps."
-    " Best, low and average are over the test photographs of all seeds. Differences are paired by photograph and seed. Their"
-    " intervals resample both (pigeonhole bootstrap) and are as wide as a t interval for so few photographs. An ordering is"
-    " decided if the interval of every pair that it names excludes zero. This is one scene: the result may differ on another."
+    " Best, low and average are over the test photographs of all seeds that have a score in every fold."
+    " Differences are paired by photograph and seed. Their intervals resample both (pigeonhole bootstrap) and are as wide as"
+    " a t interval for so few photographs. An ordering is decided if the interval of every pair that it names excludes"
+    " zero. This is one scene: the result may differ on another."
 )
 
 

@@ -12,14 +12,15 @@ from aug3d_core.judging.summary import CHEAP
 from aug3d_core.studies.paper.arm import PaperArm
 from aug3d_core.studies.paper.cell import PaperResult
 from aug3d_core.studies.paper.orderings import Difference, difference
-from aug3d_core.studies.paper.scores import psnr_by_seed
+from aug3d_core.studies.paper.scores import psnr_by_seed, whole
 
 
 @dataclass(frozen=True)
 class ArmRow:
-    """An arm over all its runs; figures are None where no run has a score.
+    """An arm over all its runs; figures are None where no run has a score, scores where no seed has one in every fold.
 
-    best, low, average: PSNR [dB] over test photographs and seeds. against: difference to the arm that it is compared with.
+    best, low, average: PSNR [dB] over test photographs and those seeds.
+    against: difference to the arm that it is compared with.
     failed: runs without a score, or whose network learned nothing (their scores are included).
     seconds, cpu_seconds: mean over runs, of training and test. k: members of a group. virtual_views: in the data set.
     """
@@ -62,7 +63,8 @@ def rows(results: Sequence[PaperResult], table: pd.DataFrame) -> list[ArmRow]:
 def _row(tried: Sequence[PaperResult], table: pd.DataFrame) -> ArmRow:
     arm = tried[0].arm
     scored = [result for result in tried if not result.failure]
-    mine = table[table["arm"] == arm.name]
+    compared = whole(table)
+    mine = compared[compared["arm"] == arm.name]
     psnr = np.asarray(mine["psnr"], float)
     scores = len(psnr) > 0
     return ArmRow(
@@ -101,8 +103,8 @@ def _whole(results: Sequence[PaperResult], stage: str, name: str) -> int | None:
 
 
 def cheap_answers(table: pd.DataFrame) -> Mapping[int, Mapping[str, float]]:
-    """Return the mean PSNR [dB] of each cheap answer on the same test, by the number of input views."""
+    """Return the mean PSNR [dB] of each cheap answer on the whole test, by the number of input views."""
     return {
         int(str(inputs)): {name: float(np.mean(np.asarray(cells[f"{name}_psnr"], float))) for name in CHEAP}
-        for inputs, cells in table.groupby("input_views")
+        for inputs, cells in whole(table).groupby("input_views")
     }

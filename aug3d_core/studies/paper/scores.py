@@ -45,12 +45,16 @@ def _check_same_test(table: pd.DataFrame) -> None:
             assert same, f"cells of one fold and number of input views {same_test} were given different tests"
 
 
+def whole(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the seeds of each arm that have every score: a seed that lacks a fold was given another test."""
+    photos = len(table[["fold", "photo_id"]].drop_duplicates())
+    return table.loc[table.groupby(["arm", "seed"])["psnr"].transform("count") == photos]
+
+
 def psnr_by_seed(table: pd.DataFrame, arm: str) -> pd.DataFrame:
     """Return the PSNR [dB] of an arm: a row per seed that has every score, a column per test photograph."""
-    rows = table[table["arm"] == arm]
-    if rows.empty:
-        return pd.DataFrame()
-    return rows.pivot(index="seed", columns=["fold", "photo_id"], values="psnr").dropna()
+    rows = whole(table)
+    return rows[rows["arm"] == arm].pivot(index="seed", columns=["fold", "photo_id"], values="psnr")
 
 
 def paired(table: pd.DataFrame, first: str, second: str) -> Float[np.ndarray, "s p"]:

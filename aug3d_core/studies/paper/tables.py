@@ -12,6 +12,7 @@ from aug3d_core.studies.common.cell import Cell, Done, make_cells
 from aug3d_core.studies.paper.arm import PaperArm, PaperTable
 from aug3d_core.studies.paper.cell import PaperResult, make_cell
 from aug3d_core.studies.paper.scene import FinishedScene
+from aug3d_core.studies.paper.scores import score_table, whole
 
 
 def make_table(
@@ -31,10 +32,12 @@ def make_table(
 
 
 def judged(results: Sequence[PaperResult]) -> Mapping[str, tuple[float, float]]:
-    """Return mean PSNR [dB] over the runs, and mean K, of each arm that has a run with a score."""
+    """Return mean PSNR [dB] over the runs, and mean K, of each arm, by the seeds that have a score in every fold."""
+    rows = whole(score_table(results))
+    compared = set(zip(rows["arm"], rows["seed"], strict=True))
     scored: dict[str, list[PaperResult]] = {}
     for result in results:
-        if not result.failure:
+        if (result.arm.name, result.seed) in compared:
             scored.setdefault(result.arm.name, []).append(result)
     return {
         arm: (

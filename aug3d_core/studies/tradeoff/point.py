@@ -77,7 +77,7 @@ def points(results: Sequence[TradeoffResult]) -> list[Point]:
     by_arm: dict[TradeoffArm, list[TradeoffResult]] = {}
     for result in results:
         by_arm.setdefault(result.arm, []).append(result)
-    usual = {arm.panel: _own(by_arm, arm.panel) for arm in by_arm}
+    usual = {arm.panel: own_test(results, arm.panel) for arm in by_arm}
     return [
         Point(arm, tuple(tried), not usual[arm.panel] or all(r.test in ((), usual[arm.panel]) for r in tried))
         for arm, tried in by_arm.items()
@@ -102,9 +102,7 @@ def cheapest(found: Sequence[Point], least: float) -> Point | None:
     return min(able, key=lambda point: point.cpu_seconds, default=None)
 
 
-def _own(by_arm: dict[TradeoffArm, list[TradeoffResult]], panel: str) -> tuple[object, ...]:
-    """Return the test of the scene's own settings."""
-    own = [
-        result.test for arm, tried in by_arm.items() for result in tried if arm.panel == panel and arm.mark == "preset"
-    ]
-    return next(iter(own), ())
+def own_test(results: Sequence[TradeoffResult], panel: str) -> tuple[object, ...]:
+    """Return the test of the scene's own settings, by the first of its runs that has one; empty where none has."""
+    own = [result.test for result in results if result.arm.panel == panel and result.arm.mark == "preset"]
+    return next(filter(None, own), ())

@@ -23,7 +23,7 @@ from aug3d_core.studies.tradeoff.plan import (
     rungs,
     setting_arms,
 )
-from aug3d_core.studies.tradeoff.point import Point, best, cheapest, on_front, points
+from aug3d_core.studies.tradeoff.point import Point, best, cheapest, on_front, own_test, points
 from aug3d_core.studies.tradeoff.run import Objects, make_arm, make_shuffled, objects_there
 from aug3d_core.studies.tradeoff.scene import StudiedScene
 from aug3d_core.studies.tradeoff.search import Search, Tried, search
@@ -173,13 +173,13 @@ def _search(
     """Search the grid's configurations for the target, with one seed; return also the results that were made for it."""
     assert found.target_db is not None
     config, made = found.scene.config(), []
-    own_test = next(r.test for r in found.results if r.arm.panel == FACTORY and r.arm.mark == "preset")
+    usual = own_test(found.results, FACTORY)
 
     def evaluate(settings: tuple[str, ...], steps: int) -> Tried:
         result = make_arm(store, found.scene, Cell(factory_arm(config, settings, steps), 0), there, make)
         made.append(result)
         done(result, len(made), len(made))
-        psnr_db = result.accuracy if result.test == own_test else None  # other tests cannot be compared
+        psnr_db = result.accuracy if result.test == usual else None  # other tests cannot be compared
         return Tried(psnr_db, _objects(result), result.costs.get("training", 0.0))
 
     return search(axes(config, found.quick), rungs(config, found.quick), found.target_db, evaluate), made

@@ -14,9 +14,10 @@ from aug3d_core.factory.walk import Visit
 from aug3d_core.heads.files import MODEL_WEIGHTS
 from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
-from aug3d_core.studies.common.cell import make_cells
+from aug3d_core.studies.common.cell import Cell, make_cells
+from aug3d_core.studies.common.trial import Trial
 from aug3d_core.studies.common.write import write_study
-from aug3d_core.studies.generalisation.cells import cells_of, make_cell
+from aug3d_core.studies.generalisation.cells import Generalised, LeftOut, cells_of, make_cell
 from aug3d_core.studies.generalisation.findings import Lead, findings
 from aug3d_core.studies.generalisation.page import publication
 from tests.collections.stand_in import Stages
@@ -115,6 +116,19 @@ def test_ways_are_compared_photograph_by_photograph(studied):
     lead = found.against["north: plane sweep tuned over alone, about the scaffold"]
     assert (lead.mean, lead.low, lead.high) == pytest.approx((1.0, 1.0, 1.0))
     assert found.rows[0].over["plane_sweep"].mean == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("lost", [(), (0,), (0, 2), (0, 1, 2)])
+def test_ways_are_compared_seed_by_seed(tmp_path: Path, lost: tuple[int, ...]):
+    results = [
+        Generalised(Cell(LeftOut("north", way, "sweep"), seed), Trial({}), write_test(tmp_path, {1: level, 2: level}))
+        for seed, level in enumerate((18.0, 22.0, 26.0))  # seeds differ more than ways
+        for way, level in (("tuned", level + 1), ("alone", level))
+        if way == "alone" or seed not in lost
+    ]
+    against = findings("all", 3, "a machine", results).against
+    assert len(against) == (0 if len(lost) == 3 else 2)
+    assert all(lead.mean == pytest.approx(1.0) for lead in against.values())
 
 
 def test_a_model_that_fails_without_a_warning_is_a_silent_failure(studied):

@@ -41,9 +41,30 @@ def test_only_seeds_that_both_arms_finished_are_compared() -> None:
     assert (alone.mean, alone.interval, alone.verdict) == (None, None, "not decided")
 
 
+def test_an_arm_that_failed_in_a_fold_is_compared_with_nothing_and_a_seed_that_did_is_left_out() -> None:
+    rng = np.random.default_rng(0)
+    above = rng.normal(scale=0.1, size=(3, 12))
+    table = scores(above=23 + above, below=20 - above)
+    table["fold"] = table["photo_id"] // 6
+    second, below = table["fold"] == 1, table["arm"] == "below"
+    assert difference(table, "above", "below").verdict == "holds"
+    lost = table[~(below & second)]
+    for pair in (("above", "below"), ("below", "above")):
+        found = difference(lost, *pair)
+        assert (found.mean, found.interval, found.verdict) == (None, None, "not decided")
+    one_seed = difference(table[~(below & second & (table["seed"] == 0))], "above", "below")
+    assert one_seed.mean == pytest.approx(3 + 2 * above[1:].mean())
+
+
 @pytest.mark.parametrize(
     ("interval", "verdict"),
-    [((0.1, 0.4), "holds"), ((-0.4, -0.1), "does not hold"), ((-0.1, 0.4), "not decided"), (None, "not decided")],
+    [
+        ((0.1, 0.4), "holds"),
+        ((-0.4, -0.1), "does not hold"),
+        ((-0.1, 0.4), "not decided"),
+        ((np.nan, np.nan), "not decided"),
+        (None, "not decided"),
+    ],
 )
 def test_an_interval_decides_when_zero_is_outside(interval: tuple[float, float] | None, verdict: str) -> None:
     assert Difference("a", "b", 0.0, interval).verdict == verdict

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
@@ -21,10 +22,11 @@ from aug3d_core.studies.paper.effort import study_effort
 from aug3d_core.studies.paper.findings import PaperFindings, as_json, findings
 from aug3d_core.studies.paper.grouping import grouping_table
 from aug3d_core.studies.paper.page import publication
+from aug3d_core.studies.paper.rows import cheap_answers
 from aug3d_core.studies.paper.scene import open_finished
 from aug3d_core.studies.paper.scores import score_table
-from aug3d_core.studies.paper.tables import make_table
-from tests.stand_in_stages import Made
+from aug3d_core.studies.paper.tables import judged, make_table
+from tests.stand_in_stages import Made, fold_of
 from tests.studies.paper.stand_in import Stages, finished_scene
 
 SEEDS = 2
@@ -151,6 +153,37 @@ def test_every_fold_of_a_small_scene_is_tested(stages: Stages, tmp_path: Path) -
     results = make_table(store, grouping_table(True), scene, 1, stages.maker(store), lambda *_: None)
     found = findings(grouping_table(True), scene, 1, results, "a machine")
     assert found.test_photos == 3 * 4 and {result.cell.fold for result in results} == {0, 1, 2}
+
+
+def test_an_arm_is_scored_by_the_seeds_that_have_a_score_in_every_fold(stages: Stages, tmp_path: Path) -> None:
+    def fail(stage: str, made: Made) -> str:
+        if stage != "training" or fold_of(made) == 0:
+            return ""
+        lost = {"ray": (0, 1), "grid": (1,)}.get(made["grouping"]["method"], ())
+        return "refused: training diverged" if made["training"]["seed"] in lost else ""
+
+    stages.fails = fail
+    stages.score = lambda made, photo: 20.0 + 10 * fold_of(made) + made["training"]["seed"]
+    finished_scene(tmp_path, folds=2)
+    found, results = run(stages, tmp_path, some(grouping_table(False), "shared, K 10", "ray, K 10", "grid, K 10"))
+    rows = {row.arm.name: row for row in found.rows}
+    shared, ray, grid = rows["shared, K 10"], rows["ray, K 10"], rows["grid, K 10"]
+    assert (shared.average, shared.seeds) == (25.5, (25.0, 26.0))
+    assert (grid.average, grid.best, grid.seeds, grid.failed) == (25.0, 30.0, (25.0,), 1)
+    assert (ray.average, ray.best, ray.low, ray.ssim, ray.seeds, ray.failed) == (None, None, None, None, (), 2)
+    assert "fold 1 failed" in ray.notes[0]
+    assert {arm: psnr for arm, (psnr, _) in judged(results).items()} == {"shared, K 10": 25.5, "grid, K 10": 25.0}
+    folder = write_study(Store(tmp_path), publication(found))
+    assert "NaN" not in (folder / layout.STUDY_FINDINGS).read_text()
+
+
+def test_cheap_answers_are_told_of_every_fold_alike() -> None:
+    rows = [
+        {"arm": arm, "seed": 0, "fold": fold, "photo_id": fold, "input_views": 3, "psnr": 20.0}
+        | {f"{name}_psnr": 10.0 * (1 + fold) for name in CHEAP}
+        for arm, fold in (("a", 0), ("a", 1), ("b", 0))
+    ]
+    assert cheap_answers(pd.DataFrame(rows)) == {3: dict.fromkeys(CHEAP, 15.0)}
 
 
 def test_effort_is_the_same_in_every_run_and_less_than_the_presets(stages: Stages, tmp_path: Path) -> None:

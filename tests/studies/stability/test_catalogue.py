@@ -10,12 +10,22 @@ from aug3d_core.factory.config import scene_config
 from aug3d_core.factory.stages import FROM_TOWN, STAGES
 from aug3d_core.studies.stability.catalogue import PERTURBATIONS
 from aug3d_core.studies.stability.perturbation import Computed, InFactory, Perturbation
+from aug3d_core.studies.stability.perturbations.learning import PERTURBATIONS as LEARNING
 
 NAMES = [stage.name for stage in FROM_TOWN]
 
 
 def test_names_are_unique() -> None:
     assert len({p.name for p in PERTURBATIONS}) == len(PERTURBATIONS)
+
+
+@pytest.mark.parametrize("perturbation", LEARNING[:2], ids=lambda p: p.name)
+def test_the_rate_that_doses_multiply_is_told(perturbation: Perturbation) -> None:
+    how = perturbation.how
+    assert isinstance(how, InFactory)
+    for method in perturbation.methods.values():
+        once = scene_config("tiny", (*how.world, *how.overrides(1, method, 1)))
+        assert f"a rate of {once.training.learning_rate:g}." in perturbation.what
 
 
 @pytest.mark.parametrize("perturbation", PERTURBATIONS, ids=lambda p: p.name)

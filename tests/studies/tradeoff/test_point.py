@@ -73,6 +73,14 @@ def test_scores_of_another_test_than_the_scenes_own_are_not_compared() -> None:
     assert [point.arm.label for point in on_front(found)] == ["same", "own"]
 
 
+def test_the_scenes_own_test_is_known_from_any_of_its_runs() -> None:
+    failed = replace(result("own", 2.0, None), held_out={})
+    odd, same = result("odd", 1.0, 30.0, test="u"), result("same", 1.0, 19.0)
+    found = points([failed, result("own", 2.0, 20.0, seed=1), odd, same])
+    assert [point.comparable for point in found] == [True, False, True]
+    assert [point.arm.label for point in on_front(found)] == ["same"]
+
+
 def test_an_error_in_pixels_is_told_as_an_angle() -> None:
     assert result("a", 1.0, 0.25, judge=REPROJECTION).accuracy == 0.0005
 

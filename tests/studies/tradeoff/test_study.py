@@ -156,6 +156,21 @@ def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_p
     assert not set(map(id, odd)) & set(map(id, on_front(found.factory)))
 
 
+def test_a_search_goes_on_where_the_scenes_own_first_run_failed(stages: Stages, tmp_path: Path) -> None:
+    own = open_studied(Store(tmp_path), "demo", None).config()
+
+    def fail(stage: str, made: Made) -> str:
+        if stage != "training" or made["training"]["seed"]:
+            return ""
+        as_it_is = made["training"]["head"] == own.training.head.model_dump(mode="json")
+        return "crash: signal 11" if as_it_is and made["photos"]["max_px"] == own.photos.max_px else ""
+
+    stages.fails = fail
+    found = studied(stages, tmp_path, seeds=2, target_db=15.0)
+    first, *_ = [result for result in found.results if result.arm.panel == FACTORY and result.arm.mark == "preset"]
+    assert first.trial.failure and found.search is not None and found.search.reached is not None
+
+
 def test_what_a_run_has_grown_is_not_taken_for_what_it_costs(stages: Stages, tmp_path: Path) -> None:
     stages.grown_from = 40
     found = studied(stages, tmp_path)

@@ -14,7 +14,7 @@ _SEEDED = ("training.seed",)
 _SWEEP, _ALONE, _NERF = "plane sweep", "plane sweep without scaffold", "PixelNeRF"
 NO_SCAFFOLD = ("training.head.scaffold=false",)
 _BOTH = {_SWEEP: (), _NERF: PIXELNERF}
-_RATE = 2e-3  # the preset's
+_RATE = 2e-3  # of dose 1
 
 ABOVE_ONE_COLOUR = Judge(
     "test_psnr_mean",
@@ -46,7 +46,7 @@ PERTURBATIONS = (
     Perturbation(
         "learning rate too high",
         _PART,
-        "The network learns at so many times the rate that the preset has for the plane sweep.",
+        f"The network learns at so many times a rate of {_RATE:g}.",
         "times",
         (1, 3, 10, 33),
         ABOVE_ONE_COLOUR,
@@ -60,7 +60,7 @@ PERTURBATIONS = (
     Perturbation(
         "learning rate too low",
         _PART,
-        "The network learns at this share of the rate that the preset has for the plane sweep.",
+        f"The network learns at this share of a rate of {_RATE:g}.",
         "times",
         (1, 0.1, 0.01, 0.001),
         ABOVE_ONE_COLOUR,
