@@ -58,6 +58,7 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
     if written.crs:
         by_gps = "the photographs' GPS: metres, without ground control points"
         print(f"reference system: {written.crs}. As true as {'the control points' if written.by_control else by_gps}")
+        _tell_heights(written.heights_from_zero)
     else:
         Console().print(
             "[yellow]note[/] no GPS: the map has no reference system, and its unit is the scene's", soft_wrap=True
@@ -87,6 +88,15 @@ def export_points(store: Store, version: Mapping[str, Any], folder: Path, as_jso
         return
     where = written.crs or f"the scene's own world, in {written.unit}s: no GPS"
     print(f"{written.points:,} points: {points.LAZ} ({where}) and {points.PLY} (the scene's world) are in {folder}")
+    _tell_heights(bool(written.crs) and written.heights_from_zero)
+
+
+def _tell_heights(from_zero: bool) -> None:
+    if from_zero:
+        Console().print(
+            "[yellow]note[/] GPS told no altitudes: heights count from the world's zero, not from the sea",
+            soft_wrap=True,
+        )
 
 
 def _folders(

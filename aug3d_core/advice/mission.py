@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -37,7 +38,7 @@ ElementTree.register_namespace("wpml", _WPML)
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where a photograph is taken. up_m: above the lowest ground of the scene."""
+    """Where a photograph is taken. alt_m: NaN where no altitude is known. up_m: above the lowest ground of the scene."""
 
     lat_deg: float
     lon_deg: float
@@ -49,13 +50,17 @@ class Waypoint:
 
 
 def waypoints(
-    advised: Sequence[Advised], origin_geodetic: Float[np.ndarray, " 3"], lowest_ground_m: float
+    advised: Sequence[Advised], origin_geodetic: Float[np.ndarray, " 3"], lowest_ground_m: float, altitude: bool = True
 ) -> list[Waypoint]:
-    """Return places on earth, in the order given. lowest_ground_m: height in the scene's world."""
+    """Return places on earth, in the order given.
+
+    lowest_ground_m: height in the scene's world. altitude: whether that of the origin is known.
+    """
     found = []
     for one in advised:
         lat, lon, alt = (float(value) for value in geodetic_from_enu(np.array(one.xyz), origin_geodetic))
         yaw = (one.yaw_deg + 180) % 360 - 180
+        alt = alt if altitude else math.nan
         found.append(Waypoint(lat, lon, alt, one.xyz[2] - lowest_ground_m, yaw, one.pitch_deg, one.rank))
     return found
 
@@ -75,29 +80,34 @@ def missions(points: Sequence[Waypoint], name: str, clear_m: float) -> Iterator[
 
 
 def kml(points: Sequence[Waypoint], title: str) -> bytes:
-    """Return places and the way through them for Google Earth and the like; altitudes as the photographs' GPS has them."""
+    """Return places and the way through them for Google Earth and the like; altitudes as the photographs' GPS has them.
+
+    Where it has none, heights are those above the lowest ground.
+    """
     root, document = _document()
+    mode = "relativeToGround" if any(math.isnan(point.alt_m) for point in points) else "absolute"
     _add(document, "name", title, _KML)
     for point in points:
         mark = _add(document, "Placemark", None, _KML)
         _add(mark, "name", f"{point.rank}", _KML)
         _add(mark, "description", f"heading {point.yaw_deg:.0f} deg, gimbal {point.pitch_deg:.0f} deg", _KML)
         place = _add(mark, "Point", None, _KML)
-        _add(place, "altitudeMode", "absolute", _KML)
+        _add(place, "altitudeMode", mode, _KML)
         _add(place, "coordinates", _place(point), _KML)
     line = _add(_add(document, "Placemark", None, _KML), "LineString", None, _KML)
-    _add(line, "altitudeMode", "absolute", _KML)
+    _add(line, "altitudeMode", mode, _KML)
     _add(line, "coordinates", " ".join(map(_place, points)), _KML)
     return _text(root)
 
 
 def geojson(points: Sequence[Waypoint], advised: Sequence[Advised]) -> str:
-    """Return places as points (longitude, latitude, altitude), in the order of the route."""
+    """Return places as points (longitude, latitude, and altitude if it is known), in the order of the route."""
     features = []
     for order, (point, one) in enumerate(zip(points, advised, strict=True), 1):
         told = {"order": order, "up_m": round(point.up_m, 2)}
         told |= {name: value for name, value in asdict(one).items() if name != "xyz"}
-        place = [round(point.lon_deg, 8), round(point.lat_deg, 8), round(point.alt_m, 2)]
+        place = [round(point.lon_deg, 8), round(point.lat_deg, 8)]
+        place += [] if math.isnan(point.alt_m) else [round(point.alt_m, 2)]
         features.append({"type": "Feature", "geometry": {"type": "Point", "coordinates": place}, "properties": told})
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
 
@@ -121,7 +131,12 @@ def listing(advised: Sequence[Advised], points: Sequence[Waypoint] | None) -> st
         row += [f"{value:.4f}" for value in (one.adds, one.poor, one.hole, one.error)]
         if points:
             point = points[order]
-            row += [f"{point.lat_deg:.8f}", f"{point.lon_deg:.8f}", f"{point.alt_m:.2f}", f"{point.up_m:.2f}"]
+            row += [
+                f"{point.lat_deg:.8f}",
+                f"{point.lon_deg:.8f}",
+                "" if math.isnan(point.alt_m) else f"{point.alt_m:.2f}",
+            ]
+            row.append(f"{point.up_m:.2f}")
         writer.writerow(row)
     return text.getvalue()
 
@@ -251,7 +266,8 @@ def _m(value: float) -> str:
 
 
 def _place(point: Waypoint) -> str:
-    return f"{point.lon_deg:.8f},{point.lat_deg:.8f},{point.alt_m:.2f}"
+    height_m = point.up_m if math.isnan(point.alt_m) else point.alt_m
+    return f"{point.lon_deg:.8f},{point.lat_deg:.8f},{height_m:.2f}"
 
 
 def _text(root: ElementTree.Element) -> bytes:

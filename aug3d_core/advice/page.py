@@ -84,11 +84,16 @@ def caution(plan: Plan) -> str:
         return ""
     said = list[str]()
     most = max(plan.site.lawful, plan.site.height) + _LITTLE_M
-    if plan.take_off_m is not None:
-        said.append(
+    if plan.origin is not None:
+        where = (
             f"Do not take off below {plan.take_off_m:.0f} m, the lowest ground of the area (altitude as the photographs' GPS"
-            " or the control points have it): the mission's heights are above the take-off point; from lower down it flies"
-            " lower, from higher up higher."
+            " or the control points have it)"
+            if plan.take_off_m is not None
+            else "Do not take off below the lowest ground of the area; GPS told no altitudes, so nobody knows that of it"
+        )
+        said.append(
+            f"{where}: the mission's heights are above the take-off point; from lower down it flies lower, from higher up"
+            " higher."
         )
         if plan.clear_height > most:
             said.append(

@@ -13,7 +13,7 @@ from aug3d_core.advice.choice import Choice, chosen
 from aug3d_core.advice.model_error import error_at
 from aug3d_core.advice.route import along, cleared, route
 from aug3d_core.advice.site import Site, site_of
-from aug3d_core.export.finished import required, world_of
+from aug3d_core.export.finished import altitude_told, required, world_of
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.views import Points, Views
@@ -27,7 +27,8 @@ Progress = Callable[[str, int, int], None]  # what, done, total
 class Plan:
     """choice: its photographs in the order of the route, raised where a leg between them would pass too low.
 
-    origin: latitude, longitude and altitude of the world's origin; None where no GPS told it.
+    origin: latitude, longitude and altitude of the world's origin; None where no GPS told it. altitude: whether that told an
+    altitude, too.
     """
 
     site: Site
@@ -35,6 +36,7 @@ class Plan:
     choice: Choice
     unit: str
     origin: Float[np.ndarray, " 3"] | None
+    altitude: bool = True
 
     @property
     def lowest_ground(self) -> float:
@@ -54,8 +56,8 @@ class Plan:
 
     @property
     def take_off_m(self) -> float | None:
-        """The altitude below which nobody may take off, or the mission flies too low; None where no GPS told the origin."""
-        if self.origin is None:
+        """The altitude below which nobody may take off, or the mission flies too low; None where no GPS told it."""
+        if self.origin is None or not self.altitude:
             return None
         return float(geodetic_from_enu(np.array([0.0, 0.0, self.lowest_ground]), self.origin)[2])
 
@@ -83,4 +85,4 @@ def plan_of(
     flown = cleared(places[order], site.floor_at, site.area.cell).tolist()
     advised = (replace(choice.advised[i], xyz=(x, y, z)) for i, (x, y, z) in zip(order, flown, strict=True))
     choice = replace(choice, advised=tuple(advised))
-    return Plan(site, views, choice, world["unit"], origin)
+    return Plan(site, views, choice, world["unit"], origin, altitude_told(world))

@@ -19,7 +19,7 @@ def write_advice(plan: Plan, scene: str, folder: Path, page: Callable[[Sequence[
     """
     folder.mkdir(parents=True, exist_ok=True)
     advised = plan.choice.advised
-    points = None if plan.origin is None else waypoints(advised, plan.origin, plan.lowest_ground)
+    points = None if plan.origin is None else waypoints(advised, plan.origin, plan.lowest_ground, plan.altitude)
     files = {TABLE: listing(advised, points).encode()}
     if points:
         files |= {GEOJSON: geojson(points, advised).encode(), KML: kml(points, f"Photographs to take: {scene}")}

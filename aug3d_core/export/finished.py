@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +30,17 @@ def mesh_of(surface: Path) -> TexturedMesh | Mesh:
 def world_of(sfm: Path) -> tuple[dict[str, Any], Float[np.ndarray, " 3"] | None]:
     """Return what is told of a scene's world, and its origin's latitude, longitude and altitude; None where no GPS told it.
 
+    The altitude is 0 where nothing told it (`altitude_told`): altitudes on earth then are heights above the world's zero.
     Raises StoreError if it is missing.
     """
     world = json.loads(required(sfm / WORLD).read_text())
     told = world["origin"] if world["metric"] else None
     return world, np.array([told["lat_deg"], told["lon_deg"], told["alt_m"] or 0.0]) if told else None
+
+
+def altitude_told(world: Mapping[str, Any]) -> bool:
+    """Tell whether the altitude of a world's origin is known: GPS may tell places without."""
+    return bool(world["metric"] and world["origin"]) and world["origin"]["alt_m"] is not None
 
 
 def required(path: Path) -> Path:

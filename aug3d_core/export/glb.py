@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -18,7 +20,7 @@ from PIL import Image
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from aug3d_core.export.finished import MESH_FILES, mesh_of, world_of
+from aug3d_core.export.finished import MESH_FILES, altitude_told, mesh_of, world_of
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
@@ -55,7 +57,7 @@ def export_glb(sfm: Path, surface: Path, folder: Path) -> GlbWritten:
     model = glb_of(mesh, middle)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MODEL).write_bytes(model)
-    (folder / OFFSET).write_text(json.dumps(_offset(world["unit"], origin, middle), indent=1))
+    (folder / OFFSET).write_text(json.dumps(_offset(world, origin, middle), indent=1))
     size = mesh.texture.shape[1::-1] if isinstance(mesh, TexturedMesh) else (0, 0)
     return GlbWritten(len(mesh.triangles), (int(size[0]), int(size[1])), (folder / MODEL).stat().st_size / 2**20)
 
@@ -87,11 +89,16 @@ def _local(xyz: Float[np.ndarray, "v 3"], middle: Float[np.ndarray, " 3"]) -> Fl
     return (xyz - middle) @ _GLTF_FROM_WORLD.T
 
 
-def _offset(unit: str, origin: Float[np.ndarray, " 3"] | None, middle: Float[np.ndarray, " 3"]) -> dict:
-    """Say where the middle of the model is: in the scene's world, and on earth where GPS told."""
+def _offset(
+    world: Mapping[str, Any], origin: Float[np.ndarray, " 3"] | None, middle: Float[np.ndarray, " 3"]
+) -> dict[str, Any]:
+    """Say where the middle of the model is: in the scene's world, and on earth where GPS told; its altitude may be null."""
+    on_earth = None if origin is None else geodetic_from_enu(middle, origin).tolist()
+    if on_earth and not altitude_told(world):
+        on_earth[2] = None
     return {
-        "unit": unit,
+        "unit": world["unit"],
         "axes": "x east, y up, z south" if origin is not None else "x, y up, -z: x, z, y of the scene's world",
         "middle_in_world": middle.tolist(),
-        "middle_lat_lon_alt": None if origin is None else geodetic_from_enu(middle, origin).tolist(),
+        "middle_lat_lon_alt": on_earth,
     }

@@ -4,7 +4,7 @@ The mesh is the one that judges the model, of all photographs but those held out
 
 Both pictures are cloud-optimised GeoTIFF. With GPS or control points they lie in the UTM zone of the scene (WGS 84); without,
 in the scene's own world and units, and say so by having no reference system. Heights are metres on the datum of the GPS
-altitudes, or of the control points.
+altitudes, or of the control points; where nothing told altitudes, they count from the world's zero.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 from rasterio.windows import Window
 
-from aug3d_core.export.finished import MESH_FILES, mesh_of, required, world_of
+from aug3d_core.export.finished import MESH_FILES, altitude_told, mesh_of, required, world_of
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.export.utm import utm_from_world, zone_of
 from aug3d_core.geometry.geodesy import geodetic_from_enu
@@ -49,10 +49,14 @@ _READ = {
 }
 _KML = "http://www.opengis.net/kml/2.2"
 _STRIP_ROWS, _BLOCK_PX = 256, 512
+_FEW_PX = 500  # across and down: enough for a median
 NO_HEIGHT = -9999.0
+_ABOVE = "above_ground_m"  # of a camera, where nothing told altitudes
 _CONTROL = "control"  # in `world.json`, where control points tell the world
 _FITTED = 9  # places along each side of the scene that fit the grid of the map to the world
 _STEEP_DEG = 45.0  # below the horizon: from here on the upper edge of a picture tells its heading better than the look
+_NET = (12, 9)  # rays across and down a picture that tell how far off it shows the mesh
+_MOST_PIXELS = 4  # times those of all photographs together: overlap leaves a map far fewer, unless most of it is empty
 _LARGEST_OFF = 0.25  # of a pixel: so far the fit may be off, or the scene is too large to count as flat
 
 Progress = Callable[[int, int], None]
@@ -62,7 +66,8 @@ Progress = Callable[[int, int], None]
 class MapWritten:
     """What was written. crs: such as EPSG:32632, "" without positions. by_control: control points tell the world, and not GPS.
 
-    pixel: its side, in `unit`. covered: share of the picture that shows ground.
+    pixel: its side, in `unit`. covered: share of the picture that shows ground. heights_from_zero: nothing told altitudes, so
+    that heights count from the world's zero.
     """
 
     crs: str
@@ -73,6 +78,7 @@ class MapWritten:
     height_px: int
     covered: float
     cameras: int
+    heights_from_zero: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,20 +118,22 @@ def export_map(
     grid = grid_over(mesh, views, origin)
     folder.mkdir(parents=True, exist_ok=True)
     covered = _write(mesh, grid, origin, folder, progress)
-    _write_cameras(views, photos, origin, folder)
+    unplaced = origin is not None and not altitude_told(world)
+    _write_cameras(views, photos, origin, _ground(folder / SURFACE_MODEL) if unplaced else None, folder)
     crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
     by_control = world.get("up_from") == _CONTROL
-    return MapWritten(crs, by_control, world["unit"], grid.pixels.a, grid.width, grid.height, covered, len(views))
+    size = grid.pixels.a, grid.width, grid.height
+    return MapWritten(crs, by_control, world["unit"], *size, covered, len(views), not altitude_told(world))
 
 
 def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> Grid:
-    """Lay pixels over the mesh, as large as the photographs show the ground."""
+    """Lay pixels over the mesh, as large as the photographs show it; coarser where they would be far more than theirs."""
     at = centres(views.cam_from_world)
     on_ground = np.asarray(mesh.xyz[:, :2], float)
     frame = frame_of(on_ground, at[:, :2], 1)
     ends = np.maximum(frame.low, on_ground.min(axis=0)), np.minimum(frame.high, on_ground.max(axis=0))
-    above = np.abs(at[:, 2] - np.median(mesh.xyz[:, 2]))
-    pixel = _round(float(np.median(above / views.intrinsics[:, 0])))
+    finest = np.sqrt((ends[1] - ends[0]).prod() / (_MOST_PIXELS * views.size.prod(axis=1).sum()))
+    pixel = _round(max(_pixel_shown(mesh, views), float(finest)))
     side = np.linspace(0, 1, _FITTED)
     places = np.stack(np.meshgrid(*(low + side * (high - low) for low, high in zip(*ends, strict=True))), -1)
     places = places.reshape(-1, 2)
@@ -144,10 +152,26 @@ def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray,
     return Grid(crs, Affine(pixel, 0, left, 0, -pixel, top), width, height, world_from_map)
 
 
+def _pixel_shown(mesh: TexturedMesh | Mesh, views: Views) -> float:
+    """Return how large a pixel of the photographs is on the mesh, in units of the world: the median over views.
+
+    Of a view it is told by the median depth along a net of rays, since a picture may show little ground but a wall.
+    """
+    caster, net = Raycaster(np.asarray(mesh.xyz, float), mesh.triangles), np.array(_NET)
+    shown = []
+    for pose, intrinsics, size in zip(views.cam_from_world, views.intrinsics, views.size, strict=True):
+        depth = caster.view(pose, intrinsics * np.tile(net / size, 2), net).distance
+        if (hit := np.isfinite(depth)).any():
+            shown.append(float(np.median(depth[hit])) / intrinsics[0])
+    if not shown:
+        raise StoreError("no photograph shows any of the mesh", "run the scene again, then export it")
+    return float(np.median(shown))
+
+
 def _round(pixel: float) -> float:
-    """Return a size with two digits."""
+    """Return a size with two digits, rounded up but for what rays lack in precision."""
     power = 10.0 ** (np.floor(np.log10(pixel)) - 1)
-    return float(np.ceil(pixel / power - 1e-9) * power)
+    return float(np.ceil(pixel / power - 1e-3) * power)
 
 
 def _write(
@@ -210,27 +234,42 @@ def strips(
         yield top, rgba, heights
 
 
-def _write_cameras(views: Views, photos: Path, origin: Float[np.ndarray, " 3"] | None, folder: Path) -> None:
+def _ground(surface_model: Path) -> float:
+    """Return the median height of a surface model."""
+    with rasterio.open(surface_model) as model:
+        return float(np.ma.median(model.read(1, out_shape=(_FEW_PX, _FEW_PX), masked=True)))
+
+
+def _write_cameras(
+    views: Views, photos: Path, origin: Float[np.ndarray, " 3"] | None, ground: float | None, folder: Path
+) -> None:
     """Write where each photograph was taken, as points; in the world's units where no GPS tells where that is.
 
-    KML knows places on earth alone, so it is written with GPS only.
+    KML knows places on earth alone, so it is written with GPS only. ground: its height above the world's zero where
+    nothing told altitudes; points then have none, but a height above it.
     """
     table = read_photos(photos)
     names = dict(zip(table["photo_id"], table["name"], strict=True))
     at = centres(views.cam_from_world)
     where = at if origin is None else geodetic_from_enu(at, origin)[:, [1, 0, 2]]
+    aboves: list[dict[str, float]] = [{} for _ in at]
+    if ground is not None:
+        where, aboves = where[:, :2], [{_ABOVE: round(max(0.0, float(z) - ground), 2)} for z in where[:, 2]]
     looks, yaws_deg = views.cam_from_world[:, 2, :3], headings_deg(views.cam_from_world)
     features = [
         {
             "type": "Feature",
             "geometry": {"type": "Point", "coordinates": [round(float(value), 8) for value in place]},
             "properties": {
+                **above,
                 "name": names[photo],
                 "yaw_deg": round(float(yaw_deg), 2) % 360,
                 "pitch_deg": round(float(np.degrees(np.arcsin(np.clip(look[2], -1, 1)))), 2),
             },
         }
-        for photo, place, look, yaw_deg in zip(views.photo_id.tolist(), where, looks, yaws_deg, strict=True)
+        for photo, place, above, look, yaw_deg in zip(
+            views.photo_id.tolist(), where, aboves, looks, yaws_deg, strict=True
+        )
     ]
     (folder / CAMERAS).write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1))
     if origin is not None:
@@ -252,12 +291,13 @@ def _kml(features: Sequence[Mapping[str, Any]]) -> ElementTree.Element:
     kml = ElementTree.Element("kml", xmlns=_KML)
     document = ElementTree.SubElement(kml, "Document")
     for feature in features:
-        (lon, lat, alt), told = feature["geometry"]["coordinates"], feature["properties"]
+        (lon, lat, *alt), told = feature["geometry"]["coordinates"], feature["properties"]
+        height, mode = (alt[0], "absolute") if alt else (told[_ABOVE], "relativeToGround")
         mark = ElementTree.SubElement(document, "Placemark")
         ElementTree.SubElement(mark, "name").text = told["name"]
-        _add(mark, "Camera", longitude=lon, latitude=lat, altitude=alt, heading=told["yaw_deg"],
-             tilt=round(90 + told["pitch_deg"], 2), altitudeMode="absolute")  # fmt: skip
-        _add(mark, "Point", altitudeMode="absolute", coordinates=f"{lon},{lat},{alt}")
+        _add(mark, "Camera", longitude=lon, latitude=lat, altitude=height, heading=told["yaw_deg"],
+             tilt=round(90 + told["pitch_deg"], 2), altitudeMode=mode)  # fmt: skip
+        _add(mark, "Point", altitudeMode=mode, coordinates=f"{lon},{lat},{height}")
     return kml
 
 

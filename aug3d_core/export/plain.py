@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from aug3d_core.export.colmap_text import write_model
-from aug3d_core.export.taken import DEPTH, IMAGES, Taken
+from aug3d_core.export.taken import DEPTH, IMAGES, MASKS, Taken
 from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
@@ -29,7 +29,8 @@ ns-train depth-nerfacto nerfstudio-data --data SEQUENCE --depth-unit-scale-facto
 def write_nerfstudio(taken: Sequence[Taken], folder: Path) -> None:
     """Write sequences, each in a folder of its part; depth in thousandths of a world unit, or coarser where it would not fit.
 
-    All have one unit: nerfstudio is told it on its command line, as the file README says.
+    All have one unit: nerfstudio is told it on its command line, as the file README says. If a view of a sequence has a hole or
+    is masked, all its views have masks, 0 where nerfstudio is not to train.
     """
     deepest = [float(np.asarray(one.scene.depth[one.rows], np.float32).max()) for one in taken]
     unit = max(_USUAL, max(deepest, default=0.0) / _MOST)
@@ -37,6 +38,7 @@ def write_nerfstudio(taken: Sequence[Taken], folder: Path) -> None:
         (folder / README).write_text(_TOLD.format(unit=unit))
     for one, deep in zip(taken, deepest, strict=True):
         own = folder / one.part / one.key
+        holes = bool((one.scene.alpha[one.rows] < 255).any())
         poses = homogeneous(world_from_gl(invert(one.scene.world_from_cam[one.rows][:, :3])))
         frames = []
         for name, view, pose in zip(one.write_images(own), one.rows.tolist(), poses, strict=True):
@@ -54,6 +56,10 @@ def write_nerfstudio(taken: Sequence[Taken], folder: Path) -> None:
                 (own / DEPTH).mkdir(exist_ok=True)
                 whole = np.rint(one.depth(view) / unit).astype(np.uint16)
                 Image.fromarray(whole).save(own / frame["depth_file_path"])
+            if holes:
+                frame["mask_path"] = f"{MASKS}/{Path(name).name}"
+                (own / MASKS).mkdir(exist_ok=True)
+                Image.fromarray(one.mask(view)).save(own / frame["mask_path"])
             frames.append(frame)
         size = {"w": one.fit.width_px, "h": one.fit.height_px}
         scale = {"depth_unit_scale_factor": unit} if deep else {}

@@ -2,8 +2,8 @@
 
 The points are those that depth maps agree on: of all photographs but those held out for the test, as the mesh that judges the
 model. The PLY keeps the scene's world, in which the cameras of the other exports stand. The LAZ lies in the UTM zone of the
-scene where GPS told, else in the scene's own world, and then says nothing of the earth. Both are written part by part, so that
-memory does not grow with the scene.
+scene where GPS told, else in the scene's own world, and then says nothing of the earth. Where GPS told no altitudes, heights
+count from the world's zero. Both are written part by part, so that memory does not grow with the scene.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from jaxtyping import Float
 from laspy.vlrs.known import WktCoordinateSystemVlr
 
 from aug3d_core.depth.files import BASELINE_FUSED
-from aug3d_core.export.finished import required, world_of
+from aug3d_core.export.finished import altitude_told, required, world_of
 from aug3d_core.export.target_folder import check_empty
 from aug3d_core.export.utm import utm_from_world, zone_of
 from aug3d_core.geometry.fused import Fused
@@ -38,12 +38,16 @@ _VERTEX = np.dtype([("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)])
 
 @dataclass(frozen=True)
 class PointsWritten:
-    """What was written. crs: such as EPSG:32632, "" without positions. step: to which coordinates of the LAZ are rounded."""
+    """What was written. crs: such as EPSG:32632, "" without positions. step: to which coordinates of the LAZ are rounded.
+
+    heights_from_zero: nothing told altitudes, so that heights count from the world's zero.
+    """
 
     points: int
     crs: str
     unit: str
     step: float
+    heights_from_zero: bool = False
 
 
 def read_of(record: Record) -> list[str]:
@@ -69,7 +73,7 @@ def export_points(sfm: Path, depth: Path, folder: Path) -> PointsWritten:
             ply.write(_vertices(part).tobytes())
             laz.write_points(_records(part, laz.header, origin))
     crs = "" if origin is None else f"EPSG:{zone_of(origin).to_epsg()}"
-    return PointsWritten(count, crs, world["unit"], step)
+    return PointsWritten(count, crs, world["unit"], step, not altitude_told(world))
 
 
 def _extent(fused: Path) -> tuple[int, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:

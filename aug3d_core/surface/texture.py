@@ -66,9 +66,9 @@ def _along_ground(triangle: Int[np.ndarray, " p"], shape: Shape) -> UInt32[np.nd
     column, row = ((middle - low) / wide * (2**_BITS - 1)).astype(np.int64).T
     place = np.argsort(np.argsort(_spread(column) | _spread(row) << 1, kind="stable"))
     parts = [slice(first, first + CHUNK) for first in range(0, len(triangle), CHUNK)]
-    size = sum(
-        np.bincount(place[found[found >= 0]], minlength=len(place)) for found in (triangle[part] for part in parts)
-    )
+    size = np.zeros(len(place), np.int64)
+    for part in parts:
+        size += np.bincount(place[triangle[part][triangle[part] >= 0]], minlength=len(place))
     following = np.cumsum(size) - size  # where the next texel of each triangle goes
     inside = np.empty(int(size.sum()), np.uint32)
     for part in parts:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -85,3 +87,19 @@ def test_below_which_altitude_nobody_may_take_off(tmp_path: Path) -> None:
     assert "Do not take off below 540 m" in written(plan, tmp_path / "advice")
     other = plan_of(*write_scene(tmp_path / "no gps", skipped_m=50.0, gps=False), [], 3, 15.0)
     assert caution(other) == ""
+
+
+def test_where_gps_told_no_altitudes_none_are_made_up(tmp_path: Path) -> None:
+    sfm, surface = write_scene(tmp_path, skipped_m=50.0)
+    world = json.loads((sfm / "world.json").read_text())
+    (sfm / "world.json").write_text(json.dumps(world | {"origin": world["origin"] | {"alt_m": None}}))
+    plan = plan_of(sfm, surface, [], 3, 15.0)
+    assert plan.take_off_m is None and "GPS told no altitudes" in caution(plan)
+    files = write_advice(plan, "town", tmp_path / "advice", lambda names: "a page")
+    assert "mission.kmz" in files, "whose heights are above the take-off point"
+    places = json.loads((tmp_path / "advice" / "advice.geojson").read_text())["features"]
+    assert all(len(place["geometry"]["coordinates"]) == 2 for place in places)
+    table = (tmp_path / "advice" / "advice.csv").read_text().splitlines()
+    assert all(row["alt_m"] == "" for row in csv.DictReader(table))
+    kml = (tmp_path / "advice" / "advice.kml").read_text()
+    assert "absolute" not in kml and "relativeToGround" in kml and "nan" not in kml.lower()

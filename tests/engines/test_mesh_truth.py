@@ -1,5 +1,6 @@
 """Mesh truth on meshes whose errors are known: two floors and a wall seen by a square of cameras."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import image_name
-from aug3d_core.sfm.files import VIEW_IMAGES, VIEWS
+from aug3d_core.sfm.files import COMPONENTS, VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS
 from aug3d_core.town.config import MeshTruthConfig
@@ -100,6 +101,8 @@ def write_inputs(folder: Path, found: Views, baseline: Mesh) -> dict[str, Path]:
     cameras().save(inputs["town"] / TRUTH_POSES)
     TRUE.save(inputs["town"] / TRUTH_MESH)
     found.save(inputs["sfm"] / VIEWS)
+    every = [str(photo_id) for photo_id in cameras().photo_id]  # none was left out
+    (inputs["sfm"] / COMPONENTS).write_text(json.dumps({"photo_sha256": every}))
     role = ["target" if i == 4 else "train" for i in range(len(found))]
     table = {"view": range(len(found)), "photo_id": found.photo_id, "role": role}
     pd.DataFrame(table).to_parquet(inputs["grouping"] / SPLIT_TABLE)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+from dataclasses import replace
 from filecmp import cmp
 from pathlib import Path
 
@@ -25,9 +28,9 @@ from aug3d_core.overlap.true_overlap import NET, seen_places, true_overlaps
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
-from aug3d_core.sfm.files import VIEW_IMAGES
+from aug3d_core.sfm.files import COMPONENTS, VIEW_IMAGES
 from aug3d_core.surface.files import BASELINE_MESH
-from aug3d_core.town.files import TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TOWN_PHOTOS, TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
 from aug3d_core.town.truth import overlap_stage as town_stage
 from aug3d_core.town.truth.patchwork import block, ground, patchwork
 from tests.groups.strip_scene import fly, write_sfm
@@ -140,13 +143,24 @@ def test_the_stage_tells_every_way_at_every_size(tmp_path: Path) -> None:
         assert cmp(file, tmp_path / "again" / file.name, shallow=False), file.name
 
 
-def test_the_town_is_measured_at_true_poses_by_photo_id(tmp_path: Path) -> None:
+def test_the_town_is_measured_at_true_poses_though_photographs_were_left_out_and_others_not_placed(
+    tmp_path: Path,
+) -> None:
     inputs = inputs_of_strip(tmp_path / "in", 6)
-    truth = Views.load(inputs["town"] / TRUTH_POSES)
-    shuffled = Views(np.append(truth.photo_id, 999), *(
-        np.append(array, array[:1], axis=0) for array in (truth.cam_from_world, truth.intrinsics, truth.size)
-    ))  # fmt: skip
-    shuffled.save(inputs["town"] / TRUTH_POSES)  # one photograph more than was placed
+    placed, first = (
+        Views.load(inputs["town"] / TRUTH_POSES),
+        2,
+    )  # that was kept: the town's numbers are ahead by as many
+    kept = int(placed.photo_id.max()) + 1
+    taken_of = np.zeros(first + kept, int)
+    taken_of[placed.photo_id + first] = np.arange(len(placed))
+    replace(placed.take(taken_of), photo_id=np.arange(first + kept)).save(inputs["town"] / TRUTH_POSES)
+    photographs = [b"%d" % number for number in range(first + kept)]
+    (inputs["town"] / TOWN_PHOTOS).mkdir()
+    for number, photograph in enumerate(photographs):
+        (inputs["town"] / TOWN_PHOTOS / f"{number:04d}.jpg").write_bytes(photograph)
+    sha256 = [hashlib.sha256(photograph).hexdigest() for photograph in photographs[first:]]
+    (inputs["sfm"] / COMPONENTS).write_text(json.dumps({"photo_sha256": sha256}))
     (tmp_path / "town").mkdir()
     exact = town_stage.run(inputs, OverlapConfig(groups=12), tmp_path / "town", silent)
     assert exact.metrics == run_stage(tmp_path / "mesh", inputs).metrics

@@ -91,6 +91,14 @@ def test_without_gps_nothing_is_said_of_the_earth(scene: tuple[Path, Path], tmp_
     assert json.loads((tmp_path / "glb" / OFFSET).read_text())["middle_lat_lon_alt"] is None
 
 
+def test_an_altitude_that_nothing_told_is_null(scene: tuple[Path, Path], tmp_path: Path) -> None:
+    told = {"metric": True, "unit": "m", "origin": ORIGIN | {"alt_m": None}}
+    (scene[0] / "world.json").write_text(json.dumps(told))
+    export_glb(*scene, tmp_path / "glb")
+    lat, lon, alt = json.loads((tmp_path / "glb" / OFFSET).read_text())["middle_lat_lon_alt"]
+    assert alt is None and (lat, lon) == pytest.approx((ORIGIN["lat_deg"], ORIGIN["lon_deg"]), abs=0.1)
+
+
 def test_nothing_is_overwritten_and_what_is_missing_is_named(scene: tuple[Path, Path], tmp_path: Path) -> None:
     (tmp_path / "glb").mkdir()
     (tmp_path / "glb" / "mine").write_text("mine")

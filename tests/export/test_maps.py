@@ -23,6 +23,7 @@ from aug3d_core.export.maps import (
     SURFACE_MODEL,
     MapWritten,
     export_map,
+    grid_over,
     headings_deg,
 )
 from aug3d_core.geometry.geodesy import geodetic_from_enu
@@ -228,3 +229,77 @@ def test_cameras_are_pins_in_kml_where_gps_told(scene: tuple[Path, Path, Path], 
     world(scene[0], None)
     written(scene, tmp_path / "nowhere")
     assert not (tmp_path / "nowhere" / CAMERAS_KML).exists()
+
+
+def test_where_gps_told_no_altitudes_no_height_is_said_to_be_one(
+    scene: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    assert not written(scene, tmp_path / "told").heights_from_zero
+    world(scene[0], ORIGIN | {"alt_m": None})
+    raised = Views.load(scene[0] / "views.npz")
+    raised.cam_from_world[0, :, 3] = -raised.cam_from_world[0, :, :3] @ [-20.0, -20.0, -5.0]
+    raised.save(scene[0] / "views.npz")  # below the ground, as poses may be
+    told = written(scene, tmp_path / "map")
+    assert told.heights_from_zero and told.crs == "EPSG:32632"
+    lon, lat, _ = on_earth(np.array([[20.0, -20.0, HIGH_M]]), ORIGIN | {"alt_m": 0.0})
+    features = json.loads((tmp_path / "map" / CAMERAS).read_text())["features"]
+    assert features[1]["geometry"]["coordinates"] == pytest.approx([lon[0], lat[0]], abs=1e-7), "without altitude"
+    for mark, height in zip(
+        ElementTree.parse(tmp_path / "map" / CAMERAS_KML).findall(".//{*}Placemark"), (0, *[HIGH_M] * 3), strict=True
+    ):
+        for place in (mark.find("{*}Point"), mark.find("{*}Camera")):
+            assert place is not None and place.findtext("{*}altitudeMode") == "relativeToGround"
+        assert float(mark.findtext("{*}Camera/{*}altitude", "")) == pytest.approx(height, abs=0.1)
+        assert float(mark.findtext("{*}Point/{*}coordinates", "").split(",")[2]) == pytest.approx(height, abs=0.1)
+    with rasterio.open(tmp_path / "map" / SURFACE_MODEL) as model:
+        assert model.read(1, masked=True).max() == pytest.approx(ROOF_M, abs=0.01), "above the world's zero"
+
+
+def flat(half: float, height: float = 0.0) -> Mesh:
+    xyz, triangles = squares((0, 0, half, height))
+    return Mesh(xyz.astype(np.float32), np.zeros((4, 3), np.uint8), triangles)
+
+
+def looking(eyes: np.ndarray, targets: np.ndarray) -> Views:
+    """Return cameras of 3000 px focal length."""
+    poses = np.stack([look_at(eye, target) for eye, target in zip(eyes, targets, strict=True)])
+    count = len(eyes)
+    return Views(
+        np.arange(count), poses, np.tile([3000.0, 3000, 2000, 1500], (count, 1)), np.tile([4000, 3000], (count, 1))
+    )
+
+
+@pytest.mark.parametrize("high", [17.0, 90.0, 111.0, 433.0])
+def test_straight_down_a_pixel_is_height_by_focal_length(high: float) -> None:
+    level = -537.7  # of the ground; not one that single precision knows
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 4) * high, np.linspace(-0.5, 0.5, 3) * high)
+    eyes = np.column_stack([x.ravel(), y.ravel(), np.full(12, high + level)])
+    grid = grid_over(flat(0.8 * high, level), looking(eyes, eyes + np.array([0, 1e-3, -high])), None)
+    wanted = high / 3000
+    digit = 10.0 ** (np.floor(np.log10(wanted)) - 1)
+    assert 0.99 * wanted <= grid.pixels.a < wanted + 0.99 * digit, "rounded up to two digits"
+
+
+@pytest.mark.parametrize("above_middle", [-1.4, 0.0, 1e-6, 2.0])
+def test_a_ring_about_a_house_gets_pixels_of_its_walls_however_high_it_was_flown(above_middle: float) -> None:
+    corners = np.array([(x, y, z) for z in (-3, 3) for x, y in ((-6, -5), (6, -5), (6, 5), (-6, 5))], np.float32)
+    walls = [(i, (i + 1) % 4, (i + 1) % 4 + 4) for i in range(4)] + [(i, (i + 1) % 4 + 4, i + 4) for i in range(4)]
+    house = Mesh(corners, np.zeros((8, 3), np.uint8), np.array(walls))
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    eyes = np.column_stack([15 * np.cos(turn), 15 * np.sin(turn), np.full(24, above_middle)])
+    grid = grid_over(house, looking(eyes, eyes * [0, 0, 1]), None)
+    assert (15 - 7.9) / 3000 <= grid.pixels.a <= (15 - 5) / 3000 * 1.1
+
+
+def test_a_map_has_not_far_more_pixels_than_the_photographs_together() -> None:
+    eyes = np.array([(-40, -40, 0.01), (40, -40, 0.01), (40, 40, 0.01), (-40, 40, 0.01)])
+    views = looking(eyes, eyes * [1, 1, 0] + [0, 1e-5, 0])
+    grid = grid_over(flat(60.0), views, None)
+    assert grid.width * grid.height <= 4.1 * views.size.prod(axis=1).sum()
+    assert grid.pixels.a == pytest.approx(np.sqrt(120**2 / (4 * 4 * 4000 * 3000)), rel=0.05), "and no fewer"
+
+
+def test_photographs_that_show_nothing_of_the_mesh_are_refused() -> None:
+    eyes = np.array([(-4.0, -4, 10), (4, 4, 10)])
+    with pytest.raises(StoreError, match="shows any of the mesh"):
+        grid_over(flat(60.0), looking(eyes, eyes * [1, 1, 2] + np.array([0, 1e-3, 0])), None)

@@ -174,6 +174,24 @@ def test_nerfstudio_s_depth_is_that_of_the_data_set(scenes, tmp_path):
         assert np.allclose(whole * unit, scene.depth[view], atol=unit)
 
 
+@pytest.mark.parametrize("size", [None, (24, 18)])
+def test_nerfstudio_gets_masks_of_a_whole_sequence_where_one_of_its_views_has_a_hole(scenes, tmp_path, size):
+    name, scene, trained = scenes[0]
+    views, alpha = np.flatnonzero(scene.dome_id == 0), scene.alpha.copy()
+    alpha[views[1], 6:20, 8:30] = 0
+    export_packed([(name, replace(scene, alpha=alpha), trained)], "nerfstudio", tmp_path / "out", size)
+    whole = json.loads((tmp_path / "out" / "train" / "near-dome-00001" / "transforms.json").read_text())
+    assert not any("mask_path" in frame for frame in whole["frames"]), "nothing is missing there"
+    folder = tmp_path / "out" / "train" / "near-dome-00000"
+    frames = json.loads((folder / "transforms.json").read_text())["frames"]
+    step = 1 if size is None else 2
+    for number, (frame, view) in enumerate(zip(frames, views, strict=True)):
+        assert frame["mask_path"] == f"masks/{number:06d}.png"
+        with Image.open(folder / frame["mask_path"]) as mask, Image.open(folder / frame["file_path"]) as image:
+            assert mask.size == image.size and mask.mode == "L"
+            assert np.array_equal(np.asarray(mask), alpha[view][::step, ::step]), "255 where it shows something, else 0"
+
+
 @pytest.mark.parametrize("form", PACKED_FORMATS)
 def test_every_format_has_the_size_that_is_asked_for_and_never_grows(scenes, tmp_path, form):
     counts = export_packed(scenes[:1], form, tmp_path / "out", (24, 18))

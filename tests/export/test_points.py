@@ -152,6 +152,18 @@ def test_without_gps_the_points_are_in_the_scenes_own_world(
     assert np.abs(las.xyz - xyz).max() <= min(1e-3, max(1e-6 * np.ptp(xyz, axis=0).max(), 1e-9))
 
 
+def test_where_gps_told_no_altitudes_heights_count_from_the_worlds_zero_and_it_is_told(
+    scene: tuple[Path, Path], tmp_path: Path
+) -> None:
+    assert not export_points(*scene, tmp_path / "told").heights_from_zero
+    world(scene[0], ORIGIN | {"alt_m": None})
+    told = export_points(*scene, tmp_path / "points")
+    assert told.heights_from_zero and told.crs == "EPSG:32632"
+    height, xyz = read_las(tmp_path / "points" / LAZ).xyz[:, 2], fused_of(scene).xyz.astype(float)
+    dips_m = (xyz[:, :2] ** 2).sum(axis=1) / (2 * 6_371_000)  # the earth's, beneath the world's plane
+    assert height == pytest.approx(xyz[:, 2] + dips_m, abs=5e-3)
+
+
 def test_heights_are_those_of_the_surface_model(scene: tuple[Path, Path], tmp_path: Path) -> None:
     sfm, surface, photos = write_scene(tmp_path / "map_scene")
     xyz = np.array([(-30, -30, 0), (30, 20, 0), (3, -4, 12)], np.float32)

@@ -22,10 +22,11 @@ from aug3d_core.sfm.files import VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS
 from aug3d_core.town.config import MeshTruthConfig
-from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TRUTH_MESH
 from aug3d_core.town.truth.error_map import draw_error_map
 from aug3d_core.town.truth.mesh_errors import MeshErrors, compare_meshes
 from aug3d_core.town.truth.pose_errors import FEWEST, extent_m, true_from_found
+from aug3d_core.town.truth.true_views import true_views
 
 _MAP = "mesh_errors.png"
 _COVERED = 250  # alpha from which a pixel counts as covered
@@ -35,7 +36,7 @@ _SEED = 0
 
 def run(inputs: Inputs, config: MeshTruthConfig, out: Path, progress: Progress) -> Outcome:
     """Measure accuracy, completeness and F-score at 0.5 and 1 % of extent, and PSNR at the targets' poses."""
-    found, truth = Views.load(inputs["sfm"] / VIEWS), Views.load(inputs["town"] / TRUTH_POSES)
+    found, truth = Views.load(inputs["sfm"] / VIEWS), true_views(inputs["town"], inputs["sfm"])
     targets = _targets(inputs["grouping"])
     metrics: dict[str, Metric] = dict(compare_renders(inputs["sfm"], inputs["surface"], targets))
     if len(found) < FEWEST:

@@ -1,6 +1,6 @@
 """How far reconstructed poses are from the true ones; views are paired by photo_id.
 
-photo_id counts photographs in the order of capture in both.
+The true ones are those of `true_views`, whose photo_id is that of the reconstruction.
 """
 
 from __future__ import annotations

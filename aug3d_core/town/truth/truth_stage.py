@@ -11,8 +11,9 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress
 from aug3d_core.sfm.files import VIEWS
 from aug3d_core.town.config import TruthConfig
-from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TRUTH_MESH
 from aug3d_core.town.truth.pose_errors import FEWEST, area_under_recall, footprint_ious, pair_errors_deg, pose_errors
+from aug3d_core.town.truth.true_views import true_views
 
 _TABLE = "poses.parquet"
 _AUC_DEG = {"half_deg": 0.5, "one_deg": 1.0, "five_deg": 5.0}
@@ -20,8 +21,8 @@ _SEED = 0
 
 
 def run(inputs: Inputs, config: TruthConfig, out: Path, progress: Progress) -> Outcome:
-    """Measure how many photographs have a pose, and how far poses are from the truth."""
-    found, truth = Views.load(inputs["sfm"] / VIEWS), Views.load(inputs["town"] / TRUTH_POSES)
+    """Measure how many of the photographs that were not left out have a pose, and how far poses are from the truth."""
+    found, truth = Views.load(inputs["sfm"] / VIEWS), true_views(inputs["town"], inputs["sfm"])
     metrics: dict[str, Metric] = {"registered_share": len(found) / len(truth)}
     if len(found) < FEWEST:
         return Outcome(

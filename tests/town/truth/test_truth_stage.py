@@ -1,3 +1,7 @@
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,11 +10,13 @@ import pytest
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Views
-from aug3d_core.sfm.files import VIEWS
+from aug3d_core.sfm.files import COMPONENTS, VIEWS
 from aug3d_core.town.config import TownConfig, TruthConfig
 from aug3d_core.town.drone.flight import plan_flight
-from aug3d_core.town.files import TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TOWN_PHOTOS, TOWN_TRUTH, TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.stage import photo_name
 from aug3d_core.town.truth.pose_errors import area_under_recall, footprint_ious, pair_errors_deg, pose_errors
+from aug3d_core.town.truth.true_views import true_views
 from aug3d_core.town.truth.truth_stage import run
 
 
@@ -77,6 +83,15 @@ def test_area_under_recall_is_the_integral():
     assert area_under_recall(np.empty(0), 1.0) == 0
 
 
+def write_photographs(town: Path, sfm: Path, taken: Sequence[int], kept: Sequence[int]) -> None:
+    """Write the town's photographs, and which of them structure from motion was given, as it tells them."""
+    (town / TOWN_PHOTOS).mkdir()
+    for number in taken:
+        (town / TOWN_PHOTOS / photo_name(number)).write_bytes(b"%d" % number)
+    sha256 = [hashlib.sha256(b"%d" % number).hexdigest() for number in kept]
+    (sfm / COMPONENTS).write_text(json.dumps({"photo_sha256": sha256}))
+
+
 def flat_ground(half_m: float = 300.0) -> Mesh:
     corners = half_m * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
     return Mesh(corners, np.full((4, 3), 100, np.uint8), np.array([(0, 1, 2), (0, 2, 3)], np.int32))
@@ -91,7 +106,8 @@ def test_footprints_shrink_with_the_focal_length(truth):
     assert np.median(narrow) == pytest.approx(1 / 1.25**2, abs=0.02)
 
 
-def stage(tmp_path: Path, found: Views, truth: Views):
+def stage(tmp_path: Path, found: Views, truth: Views, kept: Sequence[int] | None = None):
+    """Run the stage. kept: which of the town's photographs the photos stage kept; all without."""
     folders = {name: tmp_path / name for name in ("town", "sfm", "out")}
     for folder in folders.values():
         folder.mkdir()
@@ -99,6 +115,8 @@ def stage(tmp_path: Path, found: Views, truth: Views):
     truth.save(folders["town"] / TRUTH_POSES)
     flat_ground().save(folders["town"] / TRUTH_MESH)
     found.save(folders["sfm"] / VIEWS)
+    taken = range(len(truth))
+    write_photographs(folders["town"], folders["sfm"], taken, taken if kept is None else kept)
     return run(folders, TruthConfig(), folders["out"], lambda *_: None)
 
 
@@ -108,6 +126,29 @@ def test_the_stage_counts_what_is_missing(truth, tmp_path):
     assert outcome.metrics["position_error_pct"] == pytest.approx(0, abs=1e-6)
     assert outcome.metrics["footprint_iou"] == 1
     assert outcome.metrics["pose_auc_one_deg"] == pytest.approx(0.25, abs=0.01), "three of four pairs lack a view"
+
+
+def test_photographs_that_were_left_out_are_no_errors_and_shift_no_other(truth, tmp_path):
+    kept = np.arange(2, len(truth), 3)
+    renumbered = replace(truth.take(kept), photo_id=np.arange(len(kept)))
+    outcome = stage(tmp_path, renumbered, truth, kept.tolist())
+    assert outcome.metrics["registered_share"] == 1
+    assert outcome.metrics["position_error_pct_max"] == pytest.approx(0, abs=1e-6)
+    assert outcome.metrics["rotation_error_deg_max"] == pytest.approx(0, abs=1e-5)
+    assert outcome.metrics["footprint_iou_min"] == 1
+    assert outcome.metrics["pose_auc_half_deg"] == pytest.approx(1, abs=1e-4)
+
+
+def test_photograph_10000_was_taken_after_9999(tmp_path):
+    town, sfm = tmp_path / "town", tmp_path / "sfm"
+    (town / TOWN_TRUTH).mkdir(parents=True)
+    sfm.mkdir()
+    truth = plan_flight(TownConfig(), np.random.default_rng(0)).take(np.arange(4))
+    truth.save(town / TRUTH_POSES)
+    write_photographs(town, sfm, range(9_998, 10_002), [9_999, 10_000, 10_001])
+    views = true_views(town, sfm)
+    assert views.photo_id.tolist() == [0, 1, 2]
+    np.testing.assert_array_equal(views.cam_from_world, truth.cam_from_world[1:])
 
 
 def test_too_few_poses_degrade(truth, tmp_path):
