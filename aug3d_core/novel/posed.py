@@ -17,7 +17,7 @@ from aug3d_core.poses.entry import Entry
 from aug3d_core.run.digest import file_digest
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.memory import MemoryBudget
-from aug3d_core.run.picture import PictureError, opened_picture, rgb_of, take_memory
+from aug3d_core.run.picture import PictureError, grey_of, opened_picture, rgb_of, take_memory
 
 
 @dataclass(frozen=True)
@@ -94,10 +94,7 @@ def _used(mask: Path, entry: Entry, size_px: tuple[int, int], budget: MemoryBudg
                     f"it is {image.width}x{image.height} px, the photograph {size_px[0]}x{size_px[1]} px"
                 )
             take_memory(image, budget, held)
-            used = np.asarray(rgb_of(image).convert("L")) >= LEAST_USED
-            if image.has_transparency_data:
-                used = used & (np.asarray(image.convert("RGBA").getchannel("A")) >= LEAST_USED)
-            return used
+            return np.asarray(grey_of(image)) >= LEAST_USED
     except PictureError as error:
         raise _unusable_mask(mask, entry, str(error)) from error
 

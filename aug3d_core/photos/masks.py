@@ -20,7 +20,7 @@ from aug3d_core.photos.discover import Found
 from aug3d_core.photos.files import mask_path
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.memory import MemoryBudget
-from aug3d_core.run.picture import PictureError, decoding_budget, opened_picture, rgb_of, take_memory
+from aug3d_core.run.picture import PictureError, decoding_budget, grey_of, opened_picture, take_memory
 
 _NAMED = 5
 
@@ -68,7 +68,7 @@ def _write_mask(source: Path, photo: Decoded, copy: Path, budget: MemoryBudget) 
                     f"{photo.original_size[1]} px as it is stored"
                 )
             take_memory(image, budget, held)
-            whole = Image.fromarray(np.where(np.asarray(_grey(image)) >= LEAST_USED, np.uint8(255), np.uint8(0)))
+            whole = Image.fromarray(np.where(np.asarray(grey_of(image)) >= LEAST_USED, np.uint8(255), np.uint8(0)))
             used = np.asarray(whole.resize(photo.size, Image.Resampling.BOX)) >= LEAST_USED
     except PictureError as error:
         raise InputError(
@@ -82,11 +82,3 @@ def _write_mask(source: Path, photo: Decoded, copy: Path, budget: MemoryBudget) 
         )
     save_mask(used, copy)
     return float(1 - used.mean())
-
-
-def _grey(image: Image.Image) -> Image.Image:
-    """Return a decoded mask as 8-bit grey; what is transparent is black."""
-    if "A" in image.mode or "transparency" in image.info:
-        cover = image.convert("RGBA")
-        return Image.alpha_composite(Image.new("RGBA", cover.size, (0, 0, 0, 255)), cover).convert("L")
-    return rgb_of(image).convert("L")

@@ -87,3 +87,11 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return error.strerror  # without the path, which differs between machines
     return str(error) or type(error).__name__
+
+
+def grey_of(image: Image.Image) -> Image.Image:
+    """Return a decoded mask as 8-bit grey; what is transparent is black."""
+    if "A" in image.mode or "transparency" in image.info:
+        cover = image.convert("RGBA")
+        return Image.alpha_composite(Image.new("RGBA", cover.size, (0, 0, 0, 255)), cover).convert("L")
+    return rgb_of(image).convert("L")

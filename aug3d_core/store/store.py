@@ -365,9 +365,8 @@ class Store:
         write_synced(work / layout.RECORD, sealed(record.model_dump(mode="json")))
         target = self.object_dir(stage, key)
         target.parent.mkdir(parents=True, exist_ok=True)
-        if self.shared is not None and self.shared.is_shared(
-            target
-        ):  # another machine was first, and its record came here
+        # Where another machine was first, and its record came here
+        if self.shared is not None and self.shared.is_shared(target):
             shutil.rmtree(work)
             return read_record(target / layout.RECORD)
         work.rename(target)
