@@ -23,7 +23,7 @@ from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.exceptions import ObjectNotFound
 
 from aug3d_core.run.errors import Aug3dError
-from aug3d_core.store.scenes import last_version
+from aug3d_core.store.scenes import newest_with
 from aug3d_core.store.store import Store
 from flows.pool import ONLINE, POOL, WORKER, machine_of, queues_of
 from flows.settings import SCENE
@@ -115,12 +115,12 @@ async def _progress(client: PrefectClient, run: UUID, steps: Sequence[str]) -> t
 def _left_s(
     store: Store, scene: str, done: Sequence[str], working: Sequence[str], percent: float | None
 ) -> float | None:
-    """Return how long the steps that are left took in the scene's last version [s]; None if there is none.
+    """Return how long the steps that are left took in the scene's last whole version [s]; None if there is none.
 
     That is the most: what did not change is not made again.
     """
     try:
-        stages = last_version(store, scene)["stages"]
+        stages = newest_with(store, scene, "evaluation")[0]["stages"]
     except Aug3dError:
         return None
     left = {name: figures["seconds"] for name, figures in stages.items() if name not in done}

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from aug3d_core.run.errors import Aug3dError, UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.scenes import last_version, scenes
+from aug3d_core.store.scenes import newest_with, scenes
 from aug3d_core.store.store import Store
 from flows.guard import USER
 from flows.preflight import check_servers
@@ -81,11 +81,11 @@ def _server_of(store: Store, server: str, environment: Mapping[str, str]) -> dic
 
 
 def _costs(store: Store) -> list[dict[str, Any]]:
-    """Return what the last version of each scene has cost."""
+    """Return what the last whole version of each scene has cost."""
     costs = []
     for scene in scenes(store):
         try:
-            costs.append({"scene": scene, **_cost(last_version(store, scene))})
+            costs.append({"scene": scene, **_cost(newest_with(store, scene, "evaluation")[0])})
         except Aug3dError as error:  # a version that is damaged is told by aug3d show
             costs.append({"scene": scene, "problem": error.problem})
     return costs
@@ -140,7 +140,7 @@ def _waiting(runs: list[dict[str, Any]]) -> Table:
 
 
 def _scenes(costs: list[dict[str, Any]]) -> Table:
-    table = Table("scene", title="what the last version of each scene has cost")
+    table = Table("scene", title="what the last whole version of each scene has cost")
     for heading in ("processor s", "seconds", "peak MiB", "MiB on disk"):
         table.add_column(heading, justify="right")
     table.add_column("asked of the shared store by the run")

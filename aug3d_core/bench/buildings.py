@@ -17,9 +17,10 @@ from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, Trial, directly, run_trial
-from aug3d_core.town.files import TRUTH_FOOTPRINTS, TRUTH_POSES
+from aug3d_core.town.files import TRUTH_FOOTPRINTS
 from aug3d_core.town.truth.building_boxes import read_footprints, score_boxes, true_boxes
 from aug3d_core.town.truth.pose_errors import true_from_found
+from aug3d_core.town.truth.true_views import true_views
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def land_figures(store: Store, trial: Trial, land: Land) -> dict[str, Figure]:
     if not (folders["sampling"] / BUILDINGS).exists():
         return {key: _unmeasured(land, "no ground was found to measure heights from")}
     found = Buildings.load(folders["sampling"] / BUILDINGS)
-    views, truth = Views.load(folders["sfm"] / VIEWS), Views.load(folders["town"] / TRUTH_POSES)
+    views, truth = Views.load(folders["sfm"] / VIEWS), true_views(folders["town"], folders["sfm"])
     outlines = read_footprints(folders["town"] / TRUTH_FOOTPRINTS)
     asked, allowed = true_boxes(outlines, true_from_found(views, truth), found)
     pictures = store.root / layout.BENCH_PICTURES

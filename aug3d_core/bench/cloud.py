@@ -15,8 +15,9 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
-from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TRUTH_MESH
 from aug3d_core.town.truth.pose_errors import extent_m, true_from_found
+from aug3d_core.town.truth.true_views import true_views
 
 _FAR = 0.005  # of the flight's extent, as for the mesh
 
@@ -32,7 +33,7 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
 def off_truth(town: Path, sfm: Path, depth: Path) -> dict[str, Figure]:
     """Compare the points with the truth, after the similarity that maps the found cameras to the true ones."""
     fused = Fused.load(depth / BASELINE_FUSED)
-    found, truth, mesh = Views.load(sfm / VIEWS), Views.load(town / TRUTH_POSES), Mesh.load(town / TRUTH_MESH)
+    found, truth, mesh = Views.load(sfm / VIEWS), true_views(town, sfm), Mesh.load(town / TRUTH_MESH)
     off_m = Raycaster(mesh.xyz, mesh.triangles).distance(true_from_found(found, truth).apply(fused.xyz.astype(float)))
     return {
         "town_points": Figure(len(off_m), ""),

@@ -20,7 +20,8 @@ from aug3d_core.sfm.files import VIEWS
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured, Say, directly, run_trial
 from aug3d_core.surface.files import BASELINE_MESH_TEXTURE, BASELINE_TEXTURED_MESH
-from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TRUTH_MESH
+from aug3d_core.town.truth.true_views import true_views
 
 _TILE_PX, _FULL = 96, 0.999  # of tiles that are compared, and how much of one must be known in both
 _LEAST_CONTRAST = 8.0  # standard deviation of grey values, of which 255 is white
@@ -36,8 +37,8 @@ def figures(store: Store, scene: Measured, say: Say) -> dict[str, Figure]:
     if trial.failure:
         return {"town_orthophoto": Figure(None, "", None, None, trial.failure)}
     town, sfm, surface = (store.files_dir(trial.records[name]) for name in ("town", "sfm", "surface"))
-    views, true_views = Views.load(sfm / VIEWS), Views.load(town / TRUTH_POSES)
-    same = true_views.take(np.searchsorted(true_views.photo_id, views.photo_id))
+    views, truth_of = Views.load(sfm / VIEWS), true_views(town, sfm)
+    same = truth_of.take(np.searchsorted(truth_of.photo_id, views.photo_id))
     moved = fit_similarity(centres(same.cam_from_world), centres(views.cam_from_world))
     truth = Mesh.load(town / TRUTH_MESH)
     truth = replace(truth, xyz=moved.apply(truth.xyz))

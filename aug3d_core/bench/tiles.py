@@ -26,7 +26,7 @@ from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.join import rim_edges
 from aug3d_core.surface.shape import Shape, edges
 from aug3d_core.surface.tiles import plan_tiles
-from aug3d_core.town.files import TRUTH_MESH, TRUTH_POSES
+from aug3d_core.town.files import TRUTH_MESH
 
 if TYPE_CHECKING:
     from aug3d_core.surface.build import Built
@@ -108,8 +108,9 @@ def _accuracy(made: _Made, shape: Shape, borders: Halved | Planned, gsd: float) 
     """
     from aug3d_core.town.truth.mesh_errors import compare_meshes
     from aug3d_core.town.truth.pose_errors import extent_m, true_from_found
+    from aug3d_core.town.truth.true_views import true_views
 
-    found, truth = Views.load(made.sfm / VIEWS), Views.load(made.town / TRUTH_POSES)
+    found, truth = Views.load(made.sfm / VIEWS), true_views(made.town, made.sfm)
     moved, extent = true_from_found(found, truth), extent_m(truth)
     mesh = Mesh(moved.apply(shape.xyz), np.zeros((len(shape.xyz), 3), np.uint8), shape.triangles)
     eyes = truth.take(np.flatnonzero(~np.isin(truth.photo_id, found.photo_id[made.given(found)[1]])))

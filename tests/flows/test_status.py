@@ -31,9 +31,10 @@ def run_cli(*words: str) -> Result:
     return CliRunner().invoke(app, [*words])
 
 
-def written(store: Store, scene: str) -> None:
-    told = {"scene": scene, "state": "ok", "preset": "tiny", "seconds": 9.0, "peak_mib": 300.0, "stages": STAGES}
-    write_metrics(new_version(store, scene), {**told, "objects": {}, "paths": {}, "shared_store": SHARED})
+def written(store: Store, scene: str, *objects: str, stages: dict[str, Any] = STAGES) -> None:
+    told = {"scene": scene, "state": "ok", "preset": "tiny", "seconds": 9.0, "peak_mib": 300.0, "stages": stages}
+    made = {step: {"stage": step, "key": "k"} for step in objects}
+    write_metrics(new_version(store, scene), {**told, "objects": made, "paths": {}, "shared_store": SHARED})
 
 
 async def at_work_and_waiting(store: Store) -> dict[str, Any]:
@@ -91,6 +92,15 @@ def test_nobody_knows_how_long_a_first_run_takes(tmp_path: Path) -> None:
     from flows.pool_facts import _left_s
 
     assert _left_s(Store(tmp_path), "new", [], ["depth"], 50.0) is None
+
+
+def test_a_run_that_ended_early_does_not_tell_how_long_a_whole_one_takes(tmp_path: Path) -> None:
+    from flows.pool_facts import _left_s
+
+    store = Store(tmp_path)
+    written(store, "field", "matching", "depth", "training", "evaluation")
+    written(store, "field", "matching", stages={"matching": STAGES["matching"]})
+    assert _left_s(store, "field", ["matching"], ["depth"], None) == 150.0
 
 
 def test_the_cost_of_each_scene_is_told_by_the_command(

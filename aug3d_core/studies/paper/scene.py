@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from aug3d_core.factory.config import AUTO, SceneConfig, overridden, scene_config, validated_config
-from aug3d_core.factory.plan import Step, fold_count, seen_from, stage_of
+from aug3d_core.factory.plan import Step, fold_count, seen_from
 from aug3d_core.factory.stages import FROM_PHOTOS, GROUPING, SURFACE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import last_version
+from aug3d_core.store.scenes import newest_with, records_of
 from aug3d_core.store.store import Store
 
 GIVEN = ("sfm", "similarity", "depth", "surface")  # what cells read of the scene
@@ -51,18 +50,17 @@ class FinishedScene:
 
 
 def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
-    """Return a scene with the settings of its last run, or with those of a preset from sampling on; raises UsageError.
+    """Return a scene as the last run that made its mesh had it, or with a preset's settings from sampling on.
 
-    The split is always the scene's own: the mesh was made without its test photographs.
+    Raises UsageError. The split is always the scene's own: the mesh was made without its test photographs.
     """
-    version = last_version(store, name)
-    records = {step: _record(store, step, path) for step, path in version["paths"]["objects"].items()}
-    found = {step: record for step, record in records.items() if record is not None}
+    version = newest_with(store, name, SURFACE.name)[0]
+    found = records_of(store, version)
     seen = [seen_from(Step(SURFACE, fold), FROM_PHOTOS, found) for fold in range(fold_count(found))]
     lost = [name for fold in seen for name in (*GIVEN, GROUPING.name) if name not in fold]
     if lost:
         raise UsageError(
-            f"scene {name!r} has no {lost[0]}: its last run ended earlier, or the object is gone from the store",
+            f"scene {name!r} has no {lost[0]}: no run came so far, or the object is gone from the store",
             f"run the scene again, and see aug3d show {name}",
         )
     if preset == AUTO:
@@ -80,8 +78,3 @@ def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
 def read_split(store: Store, grouping: Record) -> pd.DataFrame:
     """Return photo_id and role of every view."""
     return pd.read_parquet(store.file(grouping, SPLIT_TABLE)).loc[:, ["photo_id", "role"]]
-
-
-def _record(store: Store, step: str, path: str) -> Record | None:
-    """Find an object by the path of its files in a version, even if the store was moved since."""
-    return store.find(stage_of(step).name, Path(path).parent.name)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.factory.config import AUTO, SceneConfig, scene_config
+from aug3d_core.factory.stages import EVALUATION
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.files import JOB
 from aug3d_core.run.nested import flat
@@ -15,7 +16,7 @@ from aug3d_core.run.stage import StageConfig
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
 from aug3d_core.store.record import read_job
-from aug3d_core.store.scenes import last_version, object_of, records_of, scenes
+from aug3d_core.store.scenes import newest_with, object_of, records_of, scenes, step_objects
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
 
@@ -88,8 +89,8 @@ def _registered(name: str, entry: SceneEntry, preset: str | None) -> StudiedScen
 
 
 def _finished(store: Store, name: str, preset: str | None) -> StudiedScene:
-    """Return a scene with the settings of its last run."""
-    version = last_version(store, name)
+    """Return a scene with the settings of the last run that judged it."""
+    version = newest_with(store, name, EVALUATION.name)[0]
     records = records_of(store, version)
     if "poses" in records:
         raise UsageError(
@@ -115,7 +116,7 @@ def _finished(store: Store, name: str, preset: str | None) -> StudiedScene:
 
 def _photos(store: Store, version: Mapping[str, Any]) -> Path | None:
     """Return the folder that the photographs came from, None if the town rendered them."""
-    if "town" in version["paths"]["objects"]:
+    if "town" in step_objects(version):
         return None
     made = store.place(object_of(store, version, "photos")).parent
     folder = Path(read_job(made / JOB)["inputs"]["folder"])

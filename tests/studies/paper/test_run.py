@@ -13,6 +13,7 @@ import pytest
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
+from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.write import write_study
 from aug3d_core.studies.paper.arm import PaperTable, nothing_more
@@ -47,6 +48,14 @@ def run(stages: Stages, home: Path, study: PaperTable, *overrides: str) -> tuple
 def some(study: PaperTable, *keys: str) -> PaperTable:
     """Return a study of a few of its arms: what is tested does not hang on how many there are."""
     return replace(study, arms=tuple(arm for arm in study.arms if arm.name in keys), then=nothing_more)
+
+
+def test_a_run_that_ended_early_does_not_stand_for_the_scene(tmp_path: Path) -> None:
+    store = finished_scene(tmp_path)
+    whole = open_finished(store, "little", None)
+    early = {"scene": "little", "preset": "paper", "state": "failed", "objects": {}, "paths": {}}
+    write_metrics(new_version(store, "little"), early)
+    assert open_finished(store, "little", None) == whole
 
 
 def test_a_study_leaves_nothing_open(tmp_path: Path) -> None:

@@ -18,8 +18,16 @@ from aug3d_core.studies.tradeoff.scene import open_studied
 from tests.studies.tradeoff.stand_in import Stages
 
 
-def ran(stages: Stages, store: Store, name: str, preset: str, *settings: str, photos: Path | None = None) -> None:
-    trial = run_trial(store, "evaluation", Measured(preset), settings, stages.maker(store), photos)
+def ran(
+    stages: Stages,
+    store: Store,
+    name: str,
+    preset: str,
+    *settings: str,
+    photos: Path | None = None,
+    until: str = "evaluation",
+) -> None:
+    trial = run_trial(store, until, Measured(preset), settings, stages.maker(store), photos)
     version = new_version(store, name)
     told: dict[str, Any] = {"scene": name, "preset": preset, "paths": version_paths(store, version, trial.records)}
     write_metrics(version, told)
@@ -47,6 +55,13 @@ def test_of_each_setting_the_last_counts_and_is_told(tmp_path: Path) -> None:
     assert scene.by_default(["sfm.seed=2", "matching.seed=3"]).config().sfm.seed == 1
     with pytest.raises(UsageError, match="nonsense"):
         scene.with_settings(["nonsense"]).config()
+
+
+def test_a_run_that_ended_early_does_not_stand_for_the_scene(stages: Stages, photos: Path, tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    ran(stages, store, "field", "tiny", "training.head.planes=24", photos=photos)
+    ran(stages, store, "field", "small", photos=photos, until="sfm")
+    assert open_studied(store, "field", None).own == Measured("tiny", ("training.head.planes=24",))
 
 
 def test_a_scene_that_was_run_is_studied_as_it_was_run(stages: Stages, photos: Path, tmp_path: Path) -> None:
