@@ -33,7 +33,7 @@ _TOO_FAR = 64.0  # times more or less to write: what was written tells nothing o
 # What makes a run smaller, and by how much it is tried
 _SETTINGS = (
     "depth.max_px", "photos.max_px", "matching.max_features", "training.head.crop_px", "training.head.rays_per_group",
-    "training.groups_per_step", "sampling.domes",
+    "training.groups_per_step", "sampling.domes", "surface.texel_budget",
 )  # fmt: skip
 _SHARES = (0.75, 0.5, 0.375, 0.25, 0.125)
 

@@ -239,6 +239,20 @@ def test_a_stage_that_cannot_have_enough_memory_is_refused_with_a_setting_that_h
     check_room(store, "city", given, overridden(large, [f"{path}={value}"]), {}, nothing_made(given))
 
 
+def test_textures_are_made_coarser_where_nothing_else_helps(
+    tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch, free_mib: Callable[[float], None]
+) -> None:
+    free_mib(10**7)
+    given = material(tmp_path / "photos", 500)
+    fine = scene_config("tiny", ["depth.max_px=2048", "photos.max_px=2048"])
+    monkeypatch.setenv(LIMIT_MEMORY, "2.8")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    with pytest.raises(TooLarge, match="stage surface") as caught:
+        check_room(store, "city", given, fine, {}, nothing_made(given))
+    assert "--set surface.texel_budget=" in caught.value.remedy
+    check_room(store, "city", given, named_setting(caught.value, fine), {}, nothing_made(given))
+
+
 def test_what_is_merely_likely_to_need_too_much_memory_is_not_refused(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
