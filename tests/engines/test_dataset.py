@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from filecmp import cmp
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +33,7 @@ from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEW_IMAGES, VIEW_MASKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS, MESH, MESH_SOURCES
+from tests.same_files import assert_same_files
 from tests.toy_scene import EXTENT_M, ROOF_M, toy_scene, toy_world
 
 WIDTH, HEIGHT, REAL = 24, 16, 36
@@ -215,8 +215,7 @@ def test_packing_repeats_to_the_byte(inputs, tmp_path):
     (tmp_path / "again").mkdir()
     run(inputs, CONFIG, tmp_path / "out", silent)
     run(inputs, CONFIG, tmp_path / "again", silent)
-    for one in (path for path in (tmp_path / "out").rglob("*") if path.is_file()):
-        assert cmp(one, tmp_path / "again" / one.relative_to(tmp_path / "out"), shallow=False)
+    assert_same_files(tmp_path / "out", tmp_path / "again")
 
 
 def test_without_a_whole_dome_the_set_is_degraded_and_says_so(inputs, tmp_path):

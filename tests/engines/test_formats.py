@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import textwrap
-from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from aug3d_core.geometry.transforms import apply, centres, homogeneous, project
 from aug3d_core.geometry.views import Points, Tracks, Views
 from tests.engines.little_scene import FOCAL_PX, SIZE, poses, write_flight
 from tests.engines.sfm_runs import run_stage, take_photos
+from tests.same_files import assert_same_files
 
 pytestmark = pytest.mark.slow
 
@@ -181,10 +181,7 @@ def test_the_same_poses_give_the_same_bytes(flight: Flight, tmp_path: Path) -> N
     flight.take_poses(given, tmp_path / "a")
     flight.take_poses(given, tmp_path / "b")
     first, second = tmp_path / "a" / "sfm" / "files", tmp_path / "b" / "sfm" / "files"
-    files = sorted(path.relative_to(first) for path in first.rglob("*.*"))
-    assert files == sorted(path.relative_to(second) for path in second.rglob("*.*"))
-    for file in files:
-        assert cmp(first / file, second / file, shallow=False), file
+    assert_same_files(first, second)
 
 
 def test_true_poses_from_mega_nerf_triangulate(flight: Flight, mega_nerf: Path, tmp_path: Path) -> None:

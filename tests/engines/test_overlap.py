@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import replace
-from filecmp import cmp
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +33,7 @@ from aug3d_core.town.files import TOWN_PHOTOS, TOWN_TRUTH, TRUTH_MESH, TRUTH_POS
 from aug3d_core.town.truth import overlap_stage as town_stage
 from aug3d_core.town.truth.patchwork import block, ground, patchwork
 from tests.groups.strip_scene import fly, write_sfm
+from tests.same_files import assert_same_files
 
 RNG = np.random.default_rng(0)
 FIELD = patchwork([ground(400, 100)], RNG)
@@ -139,8 +139,7 @@ def test_the_stage_tells_every_way_at_every_size(tmp_path: Path) -> None:
             assert image.width > 300
     again = run_stage(tmp_path / "again", inputs)
     assert again == outcome
-    for file in (tmp_path / "out").iterdir():
-        assert cmp(file, tmp_path / "again" / file.name, shallow=False), file.name
+    assert_same_files(tmp_path / "out", tmp_path / "again")
 
 
 def test_the_town_is_measured_at_true_poses_though_photographs_were_left_out_and_others_not_placed(

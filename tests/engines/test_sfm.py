@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from aug3d_core.geometry.similarity import fit_similarity
 from aug3d_core.geometry.transforms import apply, centres, look_at, project
 from tests.engines.little_scene import FOCAL_PX, ORIGIN, poses, write_flight
 from tests.engines.sfm_runs import loaded, outcome_of, run_sfm, run_stage, run_stage_killed, take_photos
+from tests.same_files import assert_same_files
 
 pytestmark = pytest.mark.slow
 
@@ -112,10 +112,7 @@ def test_metrics_and_files_are_complete(flown: tuple[Path, dict[str, Any]]) -> N
 def test_any_number_of_threads_gives_the_same_bytes(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     run_sfm(flown[0] / "photos", tmp_path / "one", cpus={min(os.sched_getaffinity(0))})
     first, second = flown[0] / "sfm" / "files", tmp_path / "one" / "files"
-    files = sorted(path.relative_to(first) for path in first.rglob("*.*"))
-    assert files == sorted(path.relative_to(second) for path in second.rglob("*.*"))
-    for file in files:
-        assert cmp(first / file, second / file, shallow=False), file
+    assert_same_files(first, second)
 
 
 def test_killed_while_it_maps_it_leaves_nothing_of_that_try(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

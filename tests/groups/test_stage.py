@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from filecmp import cmp
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from aug3d_core.groups.methods import METHODS
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
 from tests.groups.strip_scene import fly, part_of, write_sfm
+from tests.same_files import assert_same_files
 
 
 def silent(done: int, total: int, what: str) -> None: ...
@@ -73,8 +73,7 @@ def test_the_similarity_file_is_symmetric_int32(tmp_path: Path) -> None:
 def test_same_input_same_bytes(tmp_path: Path) -> None:
     run_both(tmp_path, fly(), "one")
     run_both(tmp_path, fly(), "two")
-    for file in sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")):
-        assert cmp(tmp_path / "one" / file, tmp_path / "two" / file, shallow=False), file
+    assert_same_files(tmp_path / "one", tmp_path / "two")
 
 
 def roles(out: Path) -> pd.Series:

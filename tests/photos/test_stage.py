@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from aug3d_core.photos.stage import run
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome
 from tests.photos.photo_files import degrees, write_photo
+from tests.same_files import assert_same_files
 
 TAG = ExifTags.Base
 GPS = ExifTags.GPS
@@ -166,8 +166,7 @@ def test_the_same_folder_gives_the_same_bytes(tmp_path: Path) -> None:
         write_photo(tmp_path / "in" / f"{i}.jpg", i, detail=at("10:00:00"))
     take_in(tmp_path / "in", tmp_path / "one")
     take_in(tmp_path / "in", tmp_path / "two")
-    for file in sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")):
-        assert cmp(tmp_path / "one" / file, tmp_path / "two" / file, shallow=False), file
+    assert_same_files(tmp_path / "one", tmp_path / "two")
 
 
 def test_an_empty_folder(tmp_path: Path) -> None:

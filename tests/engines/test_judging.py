@@ -1,5 +1,4 @@
 import json
-from filecmp import cmp
 
 import numpy as np
 import pandas as pd
@@ -16,6 +15,7 @@ from aug3d_core.judging.scores import psnr, ssim
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.run.errors import InputError
 from tests.engines.toy_training import CONFIG, HEAD, silent
+from tests.same_files import assert_same_files
 
 JUDGE = EvaluationConfig(panels=2)
 
@@ -38,8 +38,7 @@ def test_evaluation_repeats_to_the_byte(dataset, trained, tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         evaluation_stage.run({"dataset": dataset, "training": trained[0]}, JUDGE, tmp_path / name, silent)
-    for one in (path for path in (tmp_path / "one").rglob("*") if path.is_file()):
-        assert cmp(one, tmp_path / "two" / one.relative_to(tmp_path / "one"), shallow=False)
+    assert_same_files(tmp_path / "one", tmp_path / "two")
 
 
 def test_a_test_group_with_fewer_views_than_asked_for_gives_all_and_says_so(dataset, trained, tmp_path):

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from filecmp import cmp
 
 import numpy as np
 import pandas as pd
@@ -25,6 +24,7 @@ from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
 from tests.engines.toy_training import HEAD
+from tests.same_files import assert_same_files
 from tests.toy_scene import toy_scene
 
 
@@ -66,8 +66,7 @@ def test_it_repeats_to_the_byte(made, tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         predicted(made, tmp_path / name, like=9)
-    for one in (tmp_path / "one").iterdir():
-        assert cmp(one, tmp_path / "two" / one.name, shallow=False)
+    assert_same_files(tmp_path / "one", tmp_path / "two")
 
 
 def test_fewer_inputs_than_it_was_judged_with_are_said(made, tmp_path):
