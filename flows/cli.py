@@ -22,7 +22,15 @@ from aug3d_core.run.garbage import collect_seldom
 from aug3d_core.run.limits import limits_from
 from aug3d_core.run.stage import Stage
 from aug3d_core.store.scene_name import check_scene_name
-from aug3d_core.store.scenes import bring_report, newest_with, object_of, paths_here, records_before, version_metrics
+from aug3d_core.store.scenes import (
+    bring_report,
+    newest_whole,
+    object_of,
+    paths_here,
+    records_before,
+    version_metrics,
+    versions,
+)
 from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
 from flows.advise import advise
@@ -283,9 +291,9 @@ def _print_failure(metrics: dict[str, Any]) -> None:
 
 def _print_earlier(store: Store, scene: str, home: Path) -> None:
     """Say how to see the newest version that has a tested model, where the last run ended before."""
-    metrics, earlier = newest_with(store, scene, "evaluation")
-    if earlier:
-        name = Path(metrics["paths"]["metrics"]).parent.name
+    metrics = newest_whole(store, scene)
+    name = Path(metrics["paths"]["metrics"]).parent.name
+    if "nvs" in metrics and name != versions(store, scene)[-1].name:
         print(f"\nnext  {command(home, 'show', f'{scene}@{name}')}   (its newest version with a tested model)")
 
 

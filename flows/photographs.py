@@ -15,6 +15,7 @@ from aug3d_core.factory.config import SceneConfig
 from aug3d_core.factory.material import Elsewhere, Material
 from aug3d_core.factory.stages import FROM_MODEL, PHOTOS, POSES
 from aug3d_core.factory.walk import walk
+from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import InputError
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_scene, scene_file
@@ -44,6 +45,7 @@ def read_photographs(
     store = Store(home())
     with run_lock(store.root), store.using(), progress.listening(artifacts.PrefectProgress()):
         material = read_scene(store, scene).material()
+        assert material.photos
         stages = material.stages()
         first = [stage for stage in stages if {*stage.inputs} & {"folder", "given"}]
         made = {
@@ -54,6 +56,7 @@ def read_photographs(
         assert photos.work and photos.record
         read = Elsewhere(
             photos=photos.work.input_digests["folder"],
+            photo_count=len(find_photos(material.photos).names),
             poses=poses.work.input_digests["given"] if poses and poses.work else None,
             has_points=stages == FROM_MODEL,
         )

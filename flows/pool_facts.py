@@ -23,7 +23,7 @@ from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.exceptions import ObjectNotFound
 
 from aug3d_core.run.errors import Aug3dError
-from aug3d_core.store.scenes import newest_with
+from aug3d_core.store.scenes import newest_whole
 from aug3d_core.store.store import Store
 from flows.pool import ONLINE, POOL, WORKER, machine_of, queues_of
 from flows.settings import SCENE
@@ -120,7 +120,7 @@ def _left_s(
     That is the most: what did not change is not made again.
     """
     try:
-        stages = newest_with(store, scene, "evaluation")[0]["stages"]
+        stages = newest_whole(store, scene)["stages"]
     except Aug3dError:
         return None
     left = {name: figures["seconds"] for name, figures in stages.items() if name not in done}

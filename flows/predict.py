@@ -23,8 +23,9 @@ from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTIO
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects
+from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects, version_metrics
 from aug3d_core.store.store import Store
+from aug3d_core.store.version_name import find_version
 from flows.preview import TOWNS, model_named, preview
 from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
@@ -171,6 +172,8 @@ def _input_views(store: Store, version: Mapping[str, Any], model: str | None) ->
         return judged_with(store, version)
     if model == TOWNS:
         return PredictionConfig().input_views  # as docs/weights.md has its test
+    if "@" in model:
+        return judged_with(store, version_metrics(find_version(store, model)))
     if versions(store, model):
         return int(model_of(store, model).config["input_views"])
     return judged_with(store, newest_with(store, model, "training")[0])

@@ -34,13 +34,17 @@ TOWNS = "towns"  # the model that is shipped
 
 
 def model_named(store: Store, name: str) -> Source:
-    """Return the model of a collection or of a scene as an input of a stage, or the shipped one; raises UsageError."""
+    """Return the model of a collection, of a scene or SCENE@VERSION as an input of a stage, or the shipped one.
+
+    Raises UsageError.
+    """
     if name == TOWNS:
         folder, digest, modules = shipped()
         return Source(path=folder, digest=digest, modules=modules)
-    if versions(store, name):
+    version_named = "@" in name
+    if not version_named and versions(store, name):
         return source_of(store, model_of(store, name))
-    if name in made_scenes(store):
+    if version_named or name in made_scenes(store):
         return source_of(store, object_of(store, version_with(store, name, "training"), "training"))
     known = sorted({*made_scenes(store), *(one for one in COLLECTIONS.read_each(store) if versions(store, one))})
     raise UsageError(f"there is no model {name!r} in {store.root}", f"models here: {', '.join([TOWNS, *known])}")

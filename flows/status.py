@@ -16,7 +16,7 @@ from rich.table import Table
 
 from aug3d_core.run.errors import Aug3dError, UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.scenes import newest_with, scenes
+from aug3d_core.store.scenes import newest_whole, scenes
 from aug3d_core.store.store import Store
 from flows.guard import USER
 from flows.preflight import check_servers
@@ -85,7 +85,7 @@ def _costs(store: Store) -> list[dict[str, Any]]:
     costs = []
     for scene in scenes(store):
         try:
-            costs.append({"scene": scene, **_cost(newest_with(store, scene, "evaluation")[0])})
+            costs.append({"scene": scene, **_cost(newest_whole(store, scene))})
         except Aug3dError as error:  # a version that is damaged is told by aug3d show
             costs.append({"scene": scene, "problem": error.problem})
     return costs

@@ -29,9 +29,13 @@ class Source(Frozen):
 
 
 class Elsewhere(Frozen):
-    """What another machine read of photographs and poses that only it has: digests, and whether the poses have points."""
+    """What another machine read of photographs and poses that only it has.
+
+    photos, poses: digests. photo_count: files that may be photographs. has_points: whether the poses have points.
+    """
 
     photos: str
+    photo_count: int
     poses: str | None = None
     has_points: bool = False
 

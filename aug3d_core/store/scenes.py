@@ -177,13 +177,36 @@ def newest_with(store: Store, scene: str, *steps: str) -> tuple[dict[str, Any], 
     return read[best], note if best else ""
 
 
+def newest_whole(store: Store, scene: str) -> dict[str, Any]:
+    """Return the `metrics.json` of a scene's newest version whose model was tested, in all folds; without one, of the last.
+
+    Raises as `last_version` does.
+    """
+    last = last_version(store, scene)
+    read = map(version_metrics, reversed(versions(store, scene)))
+    return next((metrics for metrics in read if _whole(metrics)), last)
+
+
 def records_before(store: Store, scene: str) -> dict[str, Record]:
-    """Return what the published version of a scene is made of, else the newest, by step; what is gone is left out."""
+    """Return what a scene was made of, by step: in the published version, else when each was last made; without what is gone.
+
+    A run that ended early made some steps anew; the others are those of the newest whole version.
+    """
     metrics = published_metrics(store, scene)
-    try:
-        return records_of(store, metrics or last_version(store, scene))
-    except (UsageError, StoreError):
-        return {}
+    if metrics:
+        return records_of(store, metrics)
+    records: dict[str, Record] = {}
+    for version in reversed(versions(store, scene)):
+        metrics = version_metrics(version)
+        records = records_of(store, metrics) | records
+        if _whole(metrics):
+            break
+    return records
+
+
+def _whole(metrics: Mapping[str, Any]) -> bool:
+    """Whether a version's model was tested, in all folds: only then it has the figures of its views."""
+    return "nvs" in metrics
 
 
 def published_metrics(store: Store, scene: str) -> dict[str, Any] | None:

@@ -51,7 +51,7 @@ def test_one_training_over_what_is_trained_on_and_no_held_out_scene(store, stage
 
 
 def test_what_a_scene_is_made_of_may_come_from_elsewhere(store, stages):
-    told = Elsewhere(photos="as read there")
+    told = Elsewhere(photos="as read there", photo_count=1)
     photographed = SCENES | {"south": SceneEntry(photos=store.root / "far away")}
     assert "far away" in made(store, stages, scenes=photographed).members["south"].trouble
     asked = []

@@ -20,7 +20,7 @@ from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.files import PREDICTION, PREDICTION_DEPTH, PREDICTION_VIEW
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.files import FILES
-from aug3d_core.store.scenes import new_version, version_paths, write_metrics
+from aug3d_core.store.scenes import new_version, version_paths, versions, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
 from tests.engines.toy_training import HEAD
@@ -121,7 +121,9 @@ def test_the_command_writes_the_view_where_it_is_wanted(home, tmp_path):
 
 
 def test_a_view_is_predicted_from_as_many_photographs_as_the_model_was_judged_with(home):
-    assert len(json.loads(invoke("toy", "--home", home, "--json").stdout)["inputs"]) == 4
+    (version,) = versions(Store(home), "toy")
+    for model in ((), ("--model", "toy"), ("--model", f"toy@{version.name}")):
+        assert len(json.loads(invoke("toy", "--home", home, "--json", *model).stdout)["inputs"]) == 4
 
 
 def test_the_command_tells_people_what_it_did(home):

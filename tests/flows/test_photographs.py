@@ -16,7 +16,7 @@ import pytest
 
 from aug3d_core.factory.material import Elsewhere, Material
 from aug3d_core.factory.stages import POSES
-from aug3d_core.photos.discover import folder_digest
+from aug3d_core.photos.discover import find_photos, folder_digest
 from aug3d_core.poses.recognise import TRANSFORMS as POSE_FILE
 from aug3d_core.poses.recognise import pose_digest
 from aug3d_core.run.errors import InputError
@@ -104,7 +104,7 @@ def there(
 
 
 def as_read(disk: Path) -> Elsewhere:
-    return Elsewhere(photos=folder_digest(disk), poses=pose_digest(disk))
+    return Elsewhere(photos=folder_digest(disk), photo_count=len(find_photos(disk).names), poses=pose_digest(disk))
 
 
 def end_of(entry: SceneEntry) -> Any:

@@ -41,7 +41,8 @@ def behind(home: Path) -> tuple[Path, Path]:
     told = version_metrics(finished)
     failure = {"problem": "training.head.start: there is no file", "remedy": "name one"}
     paths = {**told["paths"], "metrics": str(failed / layout.METRICS), "objects": {}}
-    write_metrics(failed, {**told, "state": "failed", "failure": failure, "paths": paths, "objects": {}})
+    nothing = {"state": "failed", "failure": failure, "paths": paths, "objects": {}, "nvs": None}
+    write_metrics(failed, {name: value for name, value in (told | nothing).items() if value is not None})
     return finished, failed
 
 
@@ -71,7 +72,11 @@ def test_a_failed_run_does_not_hide_a_finished_version(
     assert version_with(store, f"hill@{failed.name}", "training") == version_metrics(failed)
     assert version_with(store, "hill") == version_metrics(failed)
     assert not capsys.readouterr().err
-    assert store.place(store.find("training", "a")) == model_named(store, "hill").path  # type: ignore[arg-type]
+    trained = store.place(store.find("training", "a"))  # type: ignore[arg-type]
+    for name in ("hill", f"hill@{finished.name}"):
+        assert model_named(store, name).path == trained
+    with pytest.raises(UsageError, match="training"):
+        model_named(store, f"hill@{failed.name}")
 
 
 def test_show_tells_of_the_failed_run_and_how_to_see_the_version_before(behind: tuple[Path, Path]) -> None:

@@ -31,10 +31,9 @@ def run_cli(*words: str) -> Result:
     return CliRunner().invoke(app, [*words])
 
 
-def written(store: Store, scene: str, *objects: str, stages: dict[str, Any] = STAGES) -> None:
+def written(store: Store, scene: str, stages: dict[str, Any] = STAGES, **more: Any) -> None:
     told = {"scene": scene, "state": "ok", "preset": "tiny", "seconds": 9.0, "peak_mib": 300.0, "stages": stages}
-    made = {step: {"stage": step, "key": "k"} for step in objects}
-    write_metrics(new_version(store, scene), {**told, "objects": made, "paths": {}, "shared_store": SHARED})
+    write_metrics(new_version(store, scene), {**told, "objects": {}, "paths": {}, "shared_store": SHARED, **more})
 
 
 async def at_work_and_waiting(store: Store) -> dict[str, Any]:
@@ -98,8 +97,8 @@ def test_a_run_that_ended_early_does_not_tell_how_long_a_whole_one_takes(tmp_pat
     from flows.pool_facts import _left_s
 
     store = Store(tmp_path)
-    written(store, "field", "matching", "depth", "training", "evaluation")
-    written(store, "field", "matching", stages={"matching": STAGES["matching"]})
+    written(store, "field", nvs={})
+    written(store, "field", {"matching": STAGES["matching"]})
     assert _left_s(store, "field", ["matching"], ["depth"], None) == 150.0
 
 

@@ -87,7 +87,7 @@ def test_photographs_that_are_not_there_are_known_by_what_was_told_last(
     with pytest.raises(InputError, match="photos"):
         entry.material()
     assert told_photographs(bucket, "hill") is None
-    for read in (Elsewhere(photos="before"), Elsewhere(photos="now", poses="p", has_points=True)):
+    for read in (Elsewhere(photos="before", photo_count=1), Elsewhere(photos="now", photo_count=2, poses="p", has_points=True)):
         tell_photographs(bucket, "hill", read)
     material = entry.material(told_photographs(bucket, "hill"))
     assert (material.photos, material.elsewhere) == (entry.photos, read)
@@ -101,7 +101,7 @@ def test_photographs_that_are_not_there_are_known_by_what_was_told_last(
 @pytest.mark.parametrize(("has_points", "stages"), [(True, FROM_MODEL), (False, FROM_POSES)])
 def test_what_poses_that_are_not_there_hold_was_told(here: Store, has_points: bool, stages: tuple[Stage, ...]) -> None:
     entry = SceneEntry(photos=here.root / "photos", poses=here.root / "sparse")
-    material = entry.material(Elsewhere(photos="a", poses="b", has_points=has_points))
+    material = entry.material(Elsewhere(photos="a", photo_count=3, poses="b", has_points=has_points))
     assert material.stages() == stages
     sources = gather(here, replace(POSES, inputs=("folder", "given")), {}, material)
     assert {name: source.digest for name, source in sources.items()} == {"folder": "a", "given": "b"}

@@ -7,13 +7,17 @@ from pathlib import Path
 import pytest
 
 from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.files import FILES
 from aug3d_core.store import layout
+from aug3d_core.store.published import publish
 from aug3d_core.store.scenes import (
     damaged_versions,
     last_version,
     masked,
     new_version,
+    newest_whole,
     newest_with,
+    records_before,
     scenes,
     step_objects,
     version_metrics,
@@ -21,6 +25,9 @@ from aug3d_core.store.scenes import (
     write_metrics,
 )
 from aug3d_core.store.store import Store
+from tests.stand_in_stages import EMPTY
+
+MADE = EMPTY | {"metrics": {}, "config": {}, "state": "ok", "seconds": 1.0, "cpu_seconds": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -80,11 +87,18 @@ def test_a_changed_figure_is_seen(tmp_path: Path) -> None:
         version_metrics(version)
 
 
-def made(store: Store, *steps: str) -> Path:
+def made(store: Store, *steps: str, key: str = "", **more: Any) -> Path:
     version = new_version(store, "town")
-    objects = {step: {"stage": step, "key": version.name} for step in steps}
-    write_metrics(version, {"scene": "town", "version": version.name, "objects": objects})
+    objects = {step: {"stage": step, "key": key or version.name} for step in steps}
+    write_metrics(version, {"scene": "town", "version": version.name, "objects": objects} | more)
     return version
+
+
+def files_of(store: Store, stage: str, key: str) -> Path:
+    work = store.work_dir(stage, key)
+    (work / FILES).mkdir(parents=True)
+    (work / FILES / "one").write_text(key)
+    return work
 
 
 def test_a_finished_version_is_found_behind_runs_that_ended_before(tmp_path: Path) -> None:
@@ -114,6 +128,32 @@ def test_where_no_version_has_all_the_newest_that_made_most_is_taken(tmp_path: P
     made(store, "sfm")
     metrics, note = newest_with(store, "town", "sfm", "surface", "training")
     assert metrics["version"] == most.name and "before surface" in note
+
+
+def test_a_version_is_whole_once_it_is_tested_in_all_folds(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    last = made(store, "evaluation")
+    assert newest_whole(store, "town")["version"] == last.name
+    whole = made(store, "evaluation", "evaluation_fold1", nvs={})
+    made(store, "evaluation")
+    assert newest_whole(store, "town")["version"] == whole.name
+
+
+def test_after_a_run_that_ended_early_the_scene_still_knows_what_it_was_made_of(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert records_before(store, "town") == {}
+    steps = ("photos", "sfm", "training")
+    for run in ("old", "whole", "early"):
+        for step in steps[: 1 if run == "early" else 3]:
+            store.commit(files_of(store, step, run), step, run, MADE)
+        made(store, *steps[: 1 if run == "early" else 3], key=run, **({} if run == "early" else {"nvs": {}}))
+    assert {step: record.key for step, record in records_before(store, "town").items()} == {
+        "photos": "early",
+        "sfm": "whole",
+        "training": "whole",
+    }
+    publish(store, versions(store, "town")[0])
+    assert {record.key for record in records_before(store, "town").values()} == {"old"}
 
 
 @pytest.mark.parametrize("ending", layout.SCENE_FILES)

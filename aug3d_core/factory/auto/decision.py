@@ -51,6 +51,8 @@ class Known:
     @property
     def photos(self) -> int | None:
         """The number of photographs, None while the town is not flown; raises InputError if the folder is none."""
+        if self.material.elsewhere:
+            return self.material.elsewhere.photo_count
         if self.material.photos:
             return len(find_photos(self.material.photos).names)
         count = self.figure("town", "photos")

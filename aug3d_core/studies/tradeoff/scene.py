@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from aug3d_core.factory.config import AUTO, SceneConfig, scene_config
-from aug3d_core.factory.stages import EVALUATION
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.files import JOB
 from aug3d_core.run.nested import flat
@@ -16,7 +15,7 @@ from aug3d_core.run.stage import StageConfig
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
 from aug3d_core.store.record import read_job
-from aug3d_core.store.scenes import newest_with, object_of, records_of, scenes, step_objects
+from aug3d_core.store.scenes import newest_whole, object_of, records_of, scenes, step_objects
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
 
@@ -90,7 +89,7 @@ def _registered(name: str, entry: SceneEntry, preset: str | None) -> StudiedScen
 
 def _finished(store: Store, name: str, preset: str | None) -> StudiedScene:
     """Return a scene with the settings of the last run that judged it."""
-    version = newest_with(store, name, EVALUATION.name)[0]
+    version = newest_whole(store, name)
     records = records_of(store, version)
     if "poses" in records:
         raise UsageError(

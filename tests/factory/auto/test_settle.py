@@ -11,7 +11,7 @@ import pytest
 from aug3d_core.factory.auto.rules import RULES, RULES_OF_HEADS, rule_of
 from aug3d_core.factory.auto.settle import settle
 from aug3d_core.factory.config import AUTO, LEFT_OPEN, PRESETS, left_open, overridden, scene_config, validated_config
-from aug3d_core.factory.material import Material
+from aug3d_core.factory.material import Elsewhere, Material
 from aug3d_core.factory.stages import FROM_PHOTOS, STAGES
 from aug3d_core.heads.config import names
 from aug3d_core.photos.files import PHOTO_TABLE
@@ -341,3 +341,11 @@ def test_what_a_scene_tells_nothing_of_stays_as_the_preset_has_it(store: Store) 
         found = settle(stage, scene_config(AUTO), {}, store)
         assert isinstance(found.config, StageConfig)
     assert settle(STAGES["training"], scene_config(AUTO), {}, store).config == scene_config(AUTO).training
+
+
+def test_photographs_of_another_machine_count_as_they_were_read_there(store: Store, tmp_path: Path) -> None:
+    here = folder_of(tmp_path, 45)
+    there = Material(photos=tmp_path / "gone", elsewhere=Elsewhere(photos="digest", photo_count=45))
+    for stage in ("photos", "matching"):
+        decided = [settle(STAGES[stage], scene_config(AUTO), made(), store, material) for material in (here, there)]
+        assert decided[0] == decided[1]

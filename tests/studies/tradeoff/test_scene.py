@@ -30,7 +30,7 @@ def ran(
     trial = run_trial(store, until, Measured(preset), settings, stages.maker(store), photos)
     version = new_version(store, name)
     told: dict[str, Any] = {"scene": name, "preset": preset, "paths": version_paths(store, version, trial.records)}
-    write_metrics(version, told)
+    write_metrics(version, told | ({"nvs": {}} if until == "evaluation" else {}))
 
 
 @pytest.fixture
