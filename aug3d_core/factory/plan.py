@@ -65,7 +65,13 @@ def seen_from(step: Step, stages: Iterable[Stage], records: Mapping[str, Record]
 
 def stage_of(step: str) -> Stage:
     """Return the stage of a step by the step's name."""
-    return STAGES[step.partition(_FOLD)[0]]
+    return STAGES[stage_and_fold(step)[0]]
+
+
+def stage_and_fold(step: str) -> tuple[str, int]:
+    """Take the name of a step apart: the name of its stage, which may be one of another version, and its fold."""
+    stage, _, fold = step.partition(_FOLD)
+    return stage, int(fold or 0)
 
 
 def _of_the_split(stages: Iterable[Stage]) -> list[Stage]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from aug3d_core.factory.plan import stage_and_fold
 from aug3d_core.factory.stages import STAGES
 from aug3d_core.judging.summary import interval
 from aug3d_core.metrics.flat import SUMS, flat_values, settings_of
@@ -242,7 +243,7 @@ def _higher_is_better(name: str) -> bool | None:
 def _spec(name: str) -> MetricSpec:
     """Return what a figure means, by `stage.name`; figures of the test over all folds are called as those of one."""
     step, _, figure = name.rpartition(".")
-    stage = STAGES.get("evaluation" if step == "nvs" else step.partition("_fold")[0])
+    stage = STAGES.get("evaluation" if step == "nvs" else stage_and_fold(step)[0])
     found = spec_of(figure, stage.metrics) if stage else None
     return found or spec_of(figure, _OF_THE_RUN) or MetricSpec(unit_of(figure), None)
 
@@ -270,7 +271,7 @@ def _by_stage(rows: Iterable[Row]) -> tuple[Row, ...]:
     order = {stage: place for place, stage in enumerate(STAGES)}
 
     def place(row: Row) -> tuple[int, int]:
-        stage, _, fold = row.name.partition(".")[0].partition("_fold")
-        return int(fold or 0), order.get(stage, -1)  # first what is over all folds
+        stage, fold = stage_and_fold(row.name.partition(".")[0])
+        return fold, order.get(stage, -1)  # first what is over all folds
 
     return tuple(sorted(rows, key=place))

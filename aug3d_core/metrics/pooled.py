@@ -9,6 +9,8 @@ from typing import Any
 
 import pandas as pd
 
+from aug3d_core.factory.plan import stage_and_fold
+from aug3d_core.factory.stages import EVALUATION
 from aug3d_core.judging.files import TEST_VIEWS
 from aug3d_core.judging.summary import summary
 from aug3d_core.photos.files import PHOTO_TABLE, read_photos
@@ -43,7 +45,7 @@ def psnr_by_photo(store: Store, records: Mapping[str, Record]) -> dict[str, floa
 
     records: of a version's steps.
     """
-    tests = [record for step, record in records.items() if step.partition("_fold")[0] == "evaluation"]
+    tests = [record for step, record in records.items() if stage_and_fold(step)[0] == EVALUATION.name]
     if not tests or "photos" not in records:
         return {}
     try:

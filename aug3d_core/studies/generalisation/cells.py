@@ -13,6 +13,7 @@ from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.made import MadeCollection
 from aug3d_core.factory.config import SceneConfig, overridden
 from aug3d_core.factory.material import Source, source_of
+from aug3d_core.factory.plan import Step
 from aug3d_core.factory.stages import EVALUATION, PREVIEW, TRAINING
 from aug3d_core.factory.walk import Make
 from aug3d_core.heads.config import config_of, title_of
@@ -95,19 +96,17 @@ def make_cell(
         elif arm.way == "tuned" and not trial.failure:
             trial = _trained(_tuning(config, store.file(trial.records[TRAINING.name], MODEL_WEIGHTS)), own, make)
         if not trial.failure:
-            records.setdefault(f"{TRAINING.name}{_after(fold, arm.way)}", trial.records[TRAINING.name])
+            records.setdefault(
+                Step(TRAINING, 0 if arm.way == "never seen" else fold).name, trial.records[TRAINING.name]
+            )
             trial = _judged(store, entry.config(), record, trial, make)
         if trial.failure:
             return Generalised(cell, Trial(records, trial.failure, trial.cause, trial.at))
-        evaluation = records[f"{EVALUATION.name}{_after(fold)}"] = trial.records[EVALUATION.name]
+        evaluation = records[Step(EVALUATION, fold).name] = trial.records[EVALUATION.name]
         tables.append(pd.read_parquet(store.file(evaluation, TEST_VIEWS)))
     judged = Generalised(cell, Trial(records), views=pd.concat(tables, ignore_index=True))
     poses = made.members[arm.scene].poses
     return judged if arm.way != "never seen" or poses is None else _previewed(store, judged, poses, make)
-
-
-def _after(fold: int, way: Way = "tuned") -> str:
-    return f"_fold{fold}" if fold and way != "never seen" else ""
 
 
 def _tuning(config: TrainingConfig, weights: Path) -> TrainingConfig:
