@@ -1,11 +1,10 @@
 """The interval of a paired difference.
 
 All arms are judged on the same photographs with the same seeds. They are compared by the difference at each photograph and
-seed, so that the difficulty of a photograph cancels out. Seeds and photographs are both samples, and both are resampled:
-the pigeonhole bootstrap of two crossed factors (Owen 2007, The pigeonhole bootstrap, equation 3), which errs on the wide
-side. With few photographs a percentile interval is too narrow; it is widened to the width of a t interval (Hesterberg 2015,
-What teachers should know about the bootstrap, section 4.4). Neighbouring photographs are alike: what is drawn are runs of
-them.
+seed, so that the difficulty of a photograph cancels out. Seeds and photographs are both samples: an analysis of variance of
+two crossed random factors tells how much of the mean's variance is of each (Searle, Casella, McCulloch 1992, Variance
+Components, section 4.3), and the fewer of what it is of, the wider the t interval (Satterthwaite 1946, An approximate
+distribution of estimates of variance components). Neighbouring photographs are alike: runs of them count as one.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from scipy import stats
 
 from aug3d_core.judging.summary import runs_of_neighbours
 
-_RESAMPLES, _SEED = 10_000, 0
 _LEVEL = 0.95
 
 
@@ -28,12 +26,16 @@ def interval(values: Float[np.ndarray, "s p"]) -> tuple[float, float] | None:
     if min(values.shape) < 2:
         return None
     runs = runs_of_neighbours(values)
-    seeds, photos = runs.shape
-    rng = np.random.default_rng(_SEED)
-    by_seed = rng.multinomial(seeds, np.full(seeds, 1 / seeds), _RESAMPLES) / seeds
-    by_photo = rng.multinomial(photos, np.full(photos, 1 / photos), _RESAMPLES) / photos
-    means = np.einsum("rs,sp,rp->r", by_seed, runs, by_photo)
-    wide = np.sqrt(photos / (photos - 1)) * stats.t.ppf((1 + _LEVEL) / 2, photos - 1)
-    tail = float(stats.norm.cdf(-wide))
-    low, high = np.quantile(means, [tail, 1 - tail])
-    return float(low), float(high)
+    mean, by_seed, by_run = runs.mean(), runs.mean(axis=1), runs.mean(axis=0)
+    rest = runs - by_seed[:, None] - by_run + mean
+    free = np.array([runs.shape[0] - 1, runs.shape[1] - 1])  # degrees of freedom: of seeds, of runs
+    # Mean squares: each tells of its own factor and, once more, of what is of neither
+    squares = np.array([((by_seed - mean) ** 2).mean(), ((by_run - mean) ** 2).mean()]) * runs.size / free
+    neither = (rest**2).sum() / free.prod()
+    variance = squares.sum() - neither
+    if variance > squares.max():
+        freedom = 1 / (((squares / variance) ** 2 / free).sum() + (neither / variance) ** 2 / free.prod())
+    else:  # by chance: it is no less than that of either
+        variance, freedom = squares.max(), free[squares.argmax()]
+    half = stats.t.ppf((1 + _LEVEL) / 2, freedom) * np.sqrt(variance / runs.size)
+    return float(mean - half), float(mean + half)
