@@ -15,7 +15,8 @@ from aug3d_core.factory.walk import Make
 from aug3d_core.heads.config import names
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.stage import Frozen
-from aug3d_core.scene_files.files import read_each
+from aug3d_core.scene_files.files import REGISTRY, read_each
+from aug3d_core.scene_files.mirror import SharedFiles, take, to_share
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.cell import Done, make_cells
 from aug3d_core.studies.common.trial import directly
@@ -130,6 +131,8 @@ def generalisation(store: Store, collection: str, head: Sequence[str], seeds: in
 _STUDIES: dict[str, Callable[..., Prepared[Any]]] = {
     made.__name__: made for made in (paper, tradeoff, stability, generalisation)
 }
+_OF_SCENE_FILES = (tradeoff.__name__, generalisation.__name__)  # the others read no file that people edit
+_REGISTRIES = (REGISTRY, COLLECTIONS)
 
 
 class Asked(Frozen):
@@ -143,17 +146,28 @@ class Asked(Frozen):
         return _STUDIES[self.name](store, **self.given)
 
     @contextmanager
-    def over_cluster(self) -> Iterator[None]:
+    def over_cluster(self, store: Store) -> Iterator[None]:
         """Have the workers of the Dask cluster, if AUG3D_DASK names one, make cells too, while the block runs."""
         if address := scheduler_from(os.environ):
-            with asking(__name__, self.model_dump_json(), address, after_s=0.0):
+            files = to_share(store, _REGISTRIES) if self.name in _OF_SCENE_FILES else None
+            with asking(__name__, _Order(asked=self, files=files).model_dump_json(), address, after_s=0.0):
                 yield
         else:
             yield
 
 
-def _make_cells(store: Store, asked: str) -> None:
-    prepared = Asked.model_validate_json(asked).prepared(store)
+class _Order(Frozen):
+    """What a worker of the cluster is asked for. files: what the study's names mean where it was asked for."""
+
+    asked: Asked
+    files: SharedFiles | None
+
+
+def _make_cells(store: Store, ordered: str) -> None:
+    order = _Order.model_validate_json(ordered)
+    if order.files and order.files.files != to_share(store, _REGISTRIES).files:  # they may be this home's own
+        take(store, order.files, _REGISTRIES)
+    prepared = order.asked.prepared(store)
     prepared.carry_out(directly(store, lambda *_: None), lambda *_: None, "")
 
 

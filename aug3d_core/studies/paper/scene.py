@@ -14,7 +14,7 @@ from aug3d_core.factory.stages import FROM_PHOTOS, GROUPING, SURFACE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import newest_with, records_of
+from aug3d_core.store.scenes import last_version, records_of, version_metrics, versions
 from aug3d_core.store.store import Store
 
 GIVEN = ("sfm", "similarity", "depth", "surface")  # what cells read of the scene
@@ -50,15 +50,15 @@ class FinishedScene:
 
 
 def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
-    """Return a scene as the last run that made its mesh had it, or with a preset's settings from sampling on.
+    """Return a scene as the last run that made its meshes had it, or with a preset's settings from sampling on.
 
     Raises UsageError. The split is always the scene's own: the mesh was made without its test photographs.
     """
-    version = newest_with(store, name, SURFACE.name)[0]
+    last = last_version(store, name)
+    newest_first = map(version_metrics, reversed(versions(store, name)))
+    version = next((metrics for metrics in newest_first if not _lost(records_of(store, metrics))), last)
     found = records_of(store, version)
-    seen = [seen_from(Step(SURFACE, fold), FROM_PHOTOS, found) for fold in range(fold_count(found))]
-    lost = [name for fold in seen for name in (*GIVEN, GROUPING.name) if name not in fold]
-    if lost:
+    if lost := _lost(found):
         raise UsageError(
             f"scene {name!r} has no {lost[0]}: no run came so far, or the object is gone from the store",
             f"run the scene again, and see aug3d show {name}",
@@ -73,6 +73,12 @@ def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
         if stage in found:
             values[stage] |= {k: v for k, v in found[stage].config.items() if k in values[stage]}
     return FinishedScene(name, preset or version["preset"], found, validated_config(values))
+
+
+def _lost(found: Mapping[str, Record]) -> list[str]:
+    """Return which stages cells would miss in some fold of what a version is made of."""
+    seen = [seen_from(Step(SURFACE, fold), FROM_PHOTOS, found) for fold in range(fold_count(found))]
+    return [name for fold in seen for name in (*GIVEN, GROUPING.name) if name not in fold]
 
 
 def read_split(store: Store, grouping: Record) -> pd.DataFrame:

@@ -39,6 +39,12 @@ _METHOD = (
 )
 
 
+def _size(found: TradeoffFindings, seeds: str) -> str:
+    """Return how much was studied, for a study to take the place of one of its size only."""
+    part = "chosen panels, " if found.in_part else "search alone, " if found.searched_only else ""
+    return part + ("quick size" if found.quick else seeds)
+
+
 def publication(found: TradeoffFindings, machine: str) -> Publication:
     """Return what the study publishes."""
     scene, own, state = found.scene.name, found.scene.own, cache(found.results)
@@ -53,7 +59,7 @@ def publication(found: TradeoffFindings, machine: str) -> Publication:
         label="tradeoff",
         title=f"{scene}: speed against accuracy",
         question="What does accuracy cost?",
-        about=f"{scene}: time against accuracy, {'quick size' if found.quick else seeds}",
+        about=f"{scene}: time against accuracy, {_size(found, seeds)}",
         data=as_json(found, machine),
         table=score_table(found),
         draw=lambda path: draw(charts(found), title, path),

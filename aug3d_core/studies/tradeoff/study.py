@@ -35,7 +35,10 @@ _SAME_DB = 0.2  # below the scene's own PSNR: the target of a search alone
 
 @dataclass(frozen=True)
 class TradeoffFindings:
-    """A study of a scene. target_db: the PSNR that is enough. search: None if there was no target to search for."""
+    """A study of a scene. target_db: the PSNR that is enough. search: None if there was no target to search for.
+
+    in_part: whether only some panels were made.
+    """
 
     scene: StudiedScene
     quick: bool
@@ -44,6 +47,7 @@ class TradeoffFindings:
     target_db: float | None
     search: Search | None
     searched_only: bool
+    in_part: bool = False
 
     @property
     def points(self) -> list[Point]:
@@ -111,7 +115,7 @@ def study_scene(
     while not search_only and (again := _again(results, seeds, target_db)):
         results += make_shuffled(store, scene, again, there, make, done)
     target_db = _target(results, target_db, search_only)
-    found = TradeoffFindings(scene, quick, seeds, results, target_db, None, search_only)
+    found = TradeoffFindings(scene, quick, seeds, results, target_db, None, search_only, bool(only))
     if found.target_db is None or found.best is None:
         return found
     ended, tried = _search(store, found, there, make, done)

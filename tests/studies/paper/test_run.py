@@ -50,10 +50,12 @@ def some(study: PaperTable, *keys: str) -> PaperTable:
     return replace(study, arms=tuple(arm for arm in study.arms if arm.name in keys), then=nothing_more)
 
 
-def test_a_run_that_ended_early_does_not_stand_for_the_scene(tmp_path: Path) -> None:
-    store = finished_scene(tmp_path)
+@pytest.mark.parametrize("done", [0, 5])
+def test_a_run_that_ended_early_does_not_stand_for_the_scene(done: int, tmp_path: Path) -> None:
+    store = finished_scene(tmp_path, folds=2)
     whole = open_finished(store, "little", None)
-    early = {"scene": "little", "preset": "paper", "state": "failed", "objects": {}, "paths": {}}
+    objects = {step: {"stage": record.stage, "key": record.key} for step, record in [*whole.records.items()][:done]}
+    early = {"scene": "little", "preset": "paper", "state": "failed", "objects": objects, "paths": {}}
     write_metrics(new_version(store, "little"), early)
     assert open_finished(store, "little", None) == whole
 

@@ -140,12 +140,21 @@ def test_auto_is_held_against_the_best_on_the_photographs_that_both_were_judged_
 
 def test_chosen_panels_are_made_alone_and_told(stages: Stages, tmp_path: Path) -> None:
     found = studied(stages, tmp_path, quick=False, only=["preset PAPER", "domes"], target_db=1.0)
+    assert found.in_part
     assert {point.arm.panel for point in found.points} == {AS_THE_PAPER.name, "domes of virtual views"}
     assert found.best is None and found.search is None and found.auto is None
     page = (write_study(Store(tmp_path), publication(found, "here")) / layout.STUDY_PAGE).read_text()
     assert "as the scene has it" in page and "groups_per_step" in page and "has a score" not in page
     with pytest.raises(UsageError, match="no panel 'faces'"):
         studied(stages, tmp_path, only=["render", "faces"])
+
+
+def test_a_look_at_some_panels_or_a_search_alone_does_not_take_the_place_of_the_whole_study(
+    stages: Stages, tmp_path: Path
+) -> None:
+    whole = studied(stages, tmp_path)
+    parts = (whole, replace(whole, in_part=True), replace(whole, searched_only=True), replace(whole, quick=False))
+    assert len({publication(part, "here").about for part in parts}) == len(parts)
 
 
 def test_what_was_judged_on_other_photographs_beats_nobody(stages: Stages, tmp_path: Path) -> None:
