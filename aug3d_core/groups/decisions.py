@@ -42,8 +42,8 @@ def decisions(metrics: Mapping[str, Any], config: GroupingConfig, notes: Sequenc
             field="grouping.test",
             value=f"the {metrics['test_kept']} photographs of before" if metrics["test_kept"] else "chosen anew",
             measured=metrics["test_reason"],
-            rule=f"the test of a scene that grows stays while it is half the share asked for ({config.test_share:.0%}) and"
-            f" its gap is narrowed by at most {MOST_NARROWED:.0%}",
+            rule="the test of a scene that grows stays while its block holds half to twice the share asked for"
+            f" ({config.test_share:.0%}) and its gap is narrowed by at most {MOST_NARROWED:.0%}",
         )
     small = "one block holds few test photographs, or training sees it"
     enough = "one block holds enough test photographs behind a gap"

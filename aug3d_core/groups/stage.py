@@ -52,7 +52,9 @@ def run(inputs: Inputs, config: GroupingConfig, out: Path, progress: Progress) -
     footprint = footprints(tracks, points_in_world, scene.look_in_world)
     there: list[str] = json.loads((inputs["sfm"] / COMPONENTS).read_text())["photo_sha256"]
     photo_sha256 = [there[photo_id] for photo_id in views.photo_id]
-    earlier = earlier_test(inputs.get(EARLIER), photo_sha256, set(there), scene.look_in_world)
+    earlier = earlier_test(
+        inputs.get(EARLIER), photo_sha256, set(there), scene.look_in_world, footprint, config.gap_footprints
+    )
     whole = split_views(scene.look_in_world, footprint, views.photo_id, visible, config, earlier)
     thinned = _thinned(whole, scene, config.enough or ENOUGH)
     split = thinned if config.enough else whole
@@ -115,6 +117,7 @@ def split_table(split: Split, scene: GroupingScene, photo_sha256: list[str]) -> 
             "photo_sha256": photo_sha256,
             "role": split.role.tolist(),
             "folds": split.folds,
+            "test_kept": split.kept,
             "look_x": scene.look_in_world[:, 0],
             "look_y": scene.look_in_world[:, 1],
         }

@@ -96,7 +96,7 @@ def split_views(
 ) -> Split:
     """Split the views; `footprint` in world units, `visible` is views x points. earlier: the test before the scene grew.
 
-    An earlier test stays, unless it is less than half the share that is asked for or its gap would be narrowed too far.
+    An earlier test stays while its block holds half to twice the share that is asked for and its gap is not narrowed too far.
 
     If fewer than about a third (and at least 2) of the views are left for training, the gap is narrowed, in ground and in
     shared points alike, until they are. Of the ways to hold ground out, the first is taken
@@ -125,8 +125,9 @@ def split_views(
     if earlier is not None:
         was = replace(cut(earlier.block), targets=earlier.targets)
         share = was.block.mean()
-        reason = f"the test block holds {share:.0%} of the photographs, and its gap is narrowed by {was.narrowed:.0%}"
-        if share >= config.test_share / 2 and was.narrowed <= MOST_NARROWED:
+        held = f"the test block of before holds {share:.0%} of the photographs"
+        reason = f"{held}, and its gap is narrowed by {was.narrowed:.0%}"
+        if config.test_share / 2 <= share <= 2 * config.test_share and was.narrowed <= MOST_NARROWED:
             return Split(_roles(was), 1, kept=True, reason=reason)
     along = np.lexsort((photo_id, look_in_world @ main_axis(look_in_world)))
     cuts = _chosen(_ways(along, cut, config))

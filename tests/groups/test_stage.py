@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +106,23 @@ def test_a_scene_that_grows_is_tested_on_the_photographs_of_before(tmp_path: Pat
         told.value == f"the {len(targets)} photographs of before" and "of the photographs, and its gap" in told.measured
     )
     assert all(decision.field != "grouping.test" for decision in anew.decisions)
+
+
+def test_a_test_that_was_kept_stays_where_the_same_photographs_get_other_poses(tmp_path: Path) -> None:
+    flight, tested, before = fly(60, points=1500), [], None
+    for run, (missing, scale) in enumerate([(range(5, 60, 10), 1.0), ([], 1.0), ([], 1.1)]):
+        there = np.setdiff1d(np.arange(60), missing)
+        views, points, tracks = part_of(flight, there)
+        moved = replace(points, xyz=scale * points.xyz)
+        named, folder = [f"photo{i}" for i in there], tmp_path / f"earlier{run}"
+        folder.mkdir()
+        if before:
+            (folder / "00").symlink_to(before)
+        _, outcome, before = run_both(tmp_path, (views, moved, tracks), f"run{run}", named, folder, k=4)
+        assert bool(outcome.metrics["test_kept"]) == (run > 0)
+        role = roles(before)
+        tested.append(set(role.index[role == "target"]))
+    assert all(targets == tested[0] for targets in tested)
 
 
 def test_spare_photographs_are_left_out_and_counted_where_none_is(tmp_path: Path) -> None:
