@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,8 @@ from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.by_view import OnDemand
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.on_disk import Cache
-from aug3d_core.dataset.projection import middle_ground
 from aug3d_core.dataset.real import packed_pictures, seen_depths
+from aug3d_core.dataset.scale import ground_distance
 from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import slab_of
 from aug3d_core.geometry.transforms import homogeneous, invert
@@ -38,11 +37,13 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
     images, fine, alpha = (_held(one, i, cache) for i, one in enumerate(packed_pictures(sfm, views, fits)))
     nothing = np.zeros(size_px[::-1], np.float16)
     unknown: Any = OnDemand(count, nothing.shape, np.float16, lambda _: nothing)
-    bounds = [
-        near_far(slab, pose, lens, size_px, depths)
-        for pose, lens, depths in zip(poses, intrinsics, seen_depths(views, points, tracks), strict=True)
-    ]
-    scene = Scene(
+    bounds = np.array(
+        [
+            near_far(slab, pose, lens, size_px, depths)
+            for pose, lens, depths in zip(poses, intrinsics, seen_depths(views, points, tracks), strict=True)
+        ]
+    )
+    return Scene(
         images=images,
         fine_images=fine,
         alpha=alpha,
@@ -50,7 +51,7 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
         scaffold=unknown,
         world_from_cam=poses,
         intrinsics=intrinsics,
-        near_far=np.stack(bounds),
+        near_far=bounds,
         source=np.full(count, REAL, np.uint8),
         photo_id=views.photo_id.astype(np.int32),
         dome_id=np.full(count, -1, np.int32),
@@ -60,10 +61,8 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
         baseline_images=np.zeros((0, *nothing.shape, 3), np.uint8),
         baseline_alpha=np.zeros((0, *nothing.shape), np.uint8),
         slab=slab,
-        scale=1.0,
+        scale=ground_distance(slab, poses, intrinsics, bounds, size_px),
     )
-    away = [np.linalg.norm(middle_ground(scene, view) - pose[:3, 3]) for view, pose in enumerate(poses)]
-    return replace(scene, scale=float(np.median(away)))
 
 
 def _held(pictures: OnDemand, number: int, cache: Cache) -> Any:

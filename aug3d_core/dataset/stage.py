@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from aug3d_core.dataset.bounds import edge_rays
 from aug3d_core.dataset.by_view import joined
 from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.contact import save_contact_sheet
@@ -23,6 +22,7 @@ from aug3d_core.dataset.leaks import Check, Sight, audit, report
 from aug3d_core.dataset.real import RealViews, pack_real
 from aug3d_core.dataset.rendered import RenderedViews, no_rendered, pack_rendered
 from aug3d_core.dataset.scaffold import scaffold_depth
+from aug3d_core.dataset.scale import ground_distance
 from aug3d_core.dataset.scene import REAL, RENDERED, SPLITS, Scene, check, no_fine_images
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.dataset.writer import write
@@ -127,7 +127,7 @@ def _assemble(
         baseline_images=baseline[1],
         baseline_alpha=baseline[2],
         slab=slab,
-        scale=ground_distance(slab, real),
+        scale=ground_distance(slab, real.world_from_cam, real.intrinsics, real.near_far, size_px),
         attributes={
             "conventions": CONVENTIONS,
             "config": config.model_dump(mode="json"),
@@ -141,17 +141,6 @@ def _sight(sfm: Path, points: Points) -> Sight:
     tracks, count = Tracks.load(sfm / TRACKS), len(Views.load(sfm / VIEWS))
     look, _ = look_positions(tracks, points.xyz, count)
     return Sight(look, footprints(tracks, points.xyz, look), visibility(tracks, count, len(points.xyz)))
-
-
-def ground_distance(slab: Slab, real: RealViews) -> float:
-    """Return the median distance along z from the photographs' cameras to the ground in their images' middle."""
-    height, width = real.images.shape[1:3]
-    middle = []
-    for pose, intrinsics in zip(real.world_from_cam, real.intrinsics, strict=True):
-        origins, directions = edge_rays(pose, intrinsics, width, height)
-        middle.append(slab.meet(origins, directions, 0.0)[len(origins) // 2])
-    reached = [t for t in middle if np.isfinite(t)]
-    return float(np.median(reached)) if reached else float(np.median(real.near_far[:, 1]))
 
 
 def _baseline(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from aug3d_core.depth.workspace import write_fusion_list
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.views import Views
 from aug3d_core.run.memory import total_bytes
+from aug3d_core.run.scratch import scratch_folder
 
 FEWEST_VIEWS = 2  # the maps hold only what others confirmed already
 MOST_OFF_PX = 1.5
@@ -42,8 +42,8 @@ def fuse(workspace: Path, views: Views, chosen: list[int]) -> Fused:
     # Else all maps are in memory at once, 60 MB for a photograph of `paper`; the points are the same
     options.use_cache = True
     options.cache_size = CACHE_SHARE * min(psutil.virtual_memory().available, total_bytes()) / 2**30
-    with tempfile.TemporaryDirectory(dir=workspace) as folder:  # on the disk that is watched
-        ply = Path(folder) / "fused.ply"
+    with scratch_folder(workspace / "fusion") as folder:
+        ply = folder / "fused.ply"
         pycolmap.stereo_fusion(ply, workspace, input_type="geometric", options=options, output_type="ply")
         points = _read_ply(ply)
         return _points(points, _read_counts(ply.with_name("fused.ply.vis"), len(points)))
@@ -61,19 +61,31 @@ def _read_ply(path: Path) -> np.ndarray:
     head, _, points = path.read_bytes().partition(b"end_header\n")
     told = re.search(rb"element vertex (\d+)", head)
     if told is None or len(points) != int(told[1]) * _POINT.itemsize:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        raise _cut_short(path)
     return np.frombuffer(points, _POINT)
 
 
 def _read_counts(path: Path, points: int) -> UInt8[np.ndarray, " n"]:
-    """Return the number of photographs of each point: after the number of points (uint64), a count and its image indices."""
-    numbers = np.memmap(path, "<u4", "r", offset=8) if points else np.zeros(0, "<u4")
+    """Return the number of photographs of each point: after the number of points (uint64), a count and its image indices.
+
+    Raises OSError if it is cut short, as `_read_ply` does.
+    """
+    held = max(path.stat().st_size - 8, 0) // 4
+    numbers = np.memmap(path, "<u4", "r", offset=8, shape=held) if held else np.zeros(0, "<u4")
     counts, place, first = np.zeros(points, np.uint8), 0, 0
     part: list[int] = []  # as Python's numbers, each of which takes ten times the room
     for point in range(points):
+        if place >= held:
+            raise _cut_short(path)
         if place - first >= len(part):
             first, part = place, numbers[place : place + _PART].tolist()
         count = part[place - first]
         counts[point] = min(count, 255)
         place += count + 1
+    if place > held:
+        raise _cut_short(path)
     return counts
+
+
+def _cut_short(path: Path) -> OSError:
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))

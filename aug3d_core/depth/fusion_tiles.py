@@ -7,7 +7,6 @@ tile they reach into. Of the points, those over the tile are kept; a margin's ar
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ from aug3d_core.geometry.stored_points import StoredPoints, join_points
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.atomic_file import replacing
+from aug3d_core.run.scratch import scratch_folder
 
 MOST_PIXELS = 25_000_000
 # Around a tile, in depths. A point is made of pixels within 1 % of its depth and 1.5 px, some 0.01 depths on the ground; what
@@ -144,8 +144,7 @@ def _world_of(
 def _fuse_tile(dense: Dense, plan: FusionPlan, ground: Tile, file: Path) -> None:
     """Write the points over a tile; the file is there whole, or not at all."""
     around = ground.grown(plan.margin)
-    with tempfile.TemporaryDirectory(dir=file.parent) as name:
-        folder = Path(name)
+    with scratch_folder(file.with_suffix("")) as folder:
         for part in (IMAGES, SPARSE, WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS):
             (folder / part).mkdir(parents=True)
         windows = {view: window for view in plan.reaching(around) if (window := _cut(dense, view, around, folder))}

@@ -12,8 +12,8 @@ from aug3d_core.factory.material import Source
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import EARLIER, JOB, OUTCOME, PROGRESS
-from aug3d_core.run.full_disk import disk_full, disk_remedy
-from aug3d_core.run.process import run_isolated
+from aug3d_core.run.full_disk import disk_full
+from aug3d_core.run.process import disk_of, run_isolated
 from aug3d_core.run.progress import on_the_side
 from aug3d_core.run.stage import Outcome, Progress, Stage, StageConfig
 from aug3d_core.run.stage_main import Job
@@ -197,11 +197,6 @@ def _link_earlier(earlier: list[Path], work: Path) -> Path:
 
 
 def _disk_failure(store: Store, stage: Stage, error: OSError) -> StageFailed:
-    return StageFailed(
-        stage.name,
-        "disk",
-        f"no space left on the disk of {store.root}: {error}",
-        disk_remedy(store.root),
-        log_tail="",
-        replay="",
-    )
+    full, remedy = disk_of(str(error), store.root)
+    problem = f"no space left on the disk of {full}: {error}"
+    return StageFailed(stage.name, "disk", problem, remedy, log_tail="", replay="")

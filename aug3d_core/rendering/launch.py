@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 import zipfile
@@ -44,8 +45,10 @@ def render(job: RenderJob, on_view: Callable[[int], None], workers: int = 1) -> 
     return tally.spent
 
 
-def drop_torn(shards: Sequence[Shard]) -> None:
-    """Delete shards that a power cut left incomplete; they are rendered again."""
+def drop_leftovers(shards: Sequence[Shard]) -> None:
+    """Delete shards that a power cut left incomplete, to be rendered again, and all that killed workers left beside them."""
+    for left in {*shards[0].out.parent.iterdir()} - {shard.out for shard in shards}:
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
     for shard in shards:
         if shard.out.exists() and not _whole(shard.out):
             shard.out.unlink()

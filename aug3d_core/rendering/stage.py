@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import tempfile
 import time
 from pathlib import Path
 
@@ -17,11 +16,12 @@ from aug3d_core.rendering.decisions import decision
 from aug3d_core.rendering.files import RENDER_TABLE, SHARDS, shard_name
 from aug3d_core.rendering.given import find_mesh, read_cameras
 from aug3d_core.rendering.job import Emission, RenderJob, Shard, Sunlit
-from aug3d_core.rendering.launch import Spent, drop_torn, render
+from aug3d_core.rendering.launch import Spent, drop_leftovers, render
 from aug3d_core.rendering.probe import ENOUGH_DB, Chosen, choose_samples
 from aug3d_core.rendering.quality import REASONS, figures, reasons
 from aug3d_core.rendering.sheet import save_sheet
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.scratch import scratch_folder
 from aug3d_core.run.stage import Inputs, Metric, Outcome, Progress, from_elsewhere
 
 _SHEET = "renders.png"
@@ -72,7 +72,7 @@ def _planned(
         shards=(),
         light=_light(config),
     )
-    chosen = _samples(config, job, cameras, progress)
+    chosen = _samples(config, job, cameras, shards, progress)
     planned = _shards(len(cameras["view_id"]), config.views_per_shard, chosen.samples, shards)
     return job.model_copy(update={"shards": planned}), chosen
 
@@ -83,12 +83,14 @@ def _light(config: RenderingConfig) -> Emission | Sunlit:
     return Sunlit(sun_azimuth_deg=config.sun_azimuth_deg, sun_elevation_deg=config.sun_elevation_deg).exposed()
 
 
-def _samples(config: RenderingConfig, job: RenderJob, cameras: dict[str, np.ndarray], progress: Progress) -> Chosen:
+def _samples(
+    config: RenderingConfig, job: RenderJob, cameras: dict[str, np.ndarray], shards: Path, progress: Progress
+) -> Chosen:
     if config.samples != "auto":
         return Chosen(config.samples, None, "set by hand")
     progress(0, 1, "choosing samples on a few views")
-    with tempfile.TemporaryDirectory() as scratch:
-        return choose_samples(job, cameras, Path(scratch))
+    with scratch_folder(shards / "probe") as scratch:
+        return choose_samples(job, cameras, scratch)
 
 
 def _shards(views: int, most: int, samples: int, folder: Path) -> tuple[Shard, ...]:
@@ -102,7 +104,7 @@ def _shards(views: int, most: int, samples: int, folder: Path) -> tuple[Shard, .
 
 def _render(job: RenderJob, total: int, progress: Progress) -> Spent:
     """Render the missing shards."""
-    drop_torn(job.shards)
+    drop_leftovers(job.shards)
     there = sum(shard.last - shard.first for shard in job.shards if shard.out.exists())
     cores = len(os.sched_getaffinity(0))
     workers = min(cores, _MOST_WORKERS, len(job.shards))

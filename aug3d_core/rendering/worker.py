@@ -29,7 +29,7 @@ def render_shards(job: RenderJob, report: Callable[[str], None]) -> None:
     at_first = grown = 0.0
     with np.load(job.cameras, allow_pickle=False) as file:
         cameras = {name: file[name] for name in ("view_id", "world_from_cam", "intrinsics", "size")}
-    with tempfile.TemporaryDirectory() as scratch:
+    with tempfile.TemporaryDirectory(dir=job.shards[0].out.parent) as scratch:  # on the disk that is watched
         for shard in job.shards:
             if shard.out.exists():  # another machine made it meanwhile
                 continue

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -14,6 +13,7 @@ from PIL import Image
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.sheet import save_sheet
+from aug3d_core.run.scratch import scratch_folder
 from aug3d_core.run.stage import Inputs, Order, Outcome, Progress, from_elsewhere
 from aug3d_core.town.config import TownConfig
 from aug3d_core.town.drone.develop import Darkroom, rendered_views
@@ -67,8 +67,8 @@ def _fly(config: TownConfig, out: Path, progress: Progress, ordered: Order) -> t
         stamps=_stamps(config, views, gps_rng), noise_levels=config.noise_levels, seed=config.seed,
     )  # fmt: skip
     shards = ordered(range(0, len(views), config.photos_per_shard))
-    with tempfile.TemporaryDirectory() as scratch:
-        rendered = _shoot(town, darkroom, config, photos, Path(scratch), progress, shards)
+    with scratch_folder(out / "studio") as scratch:
+        rendered = _shoot(town, darkroom, config, photos, scratch, progress, shards)
     return town, len(views), rendered
 
 

@@ -99,3 +99,13 @@ def test_a_photograph_of_the_sky_is_packed_like_the_others(tmp_path):
     Tracks(tracks.point[seen], tracks.view[seen], tracks.xy[seen]).save(folder / TRACKS)
     near, far = scene_of_photographs(folder, (40, 32), 0.005, 0.1).near_far.T
     assert ((near > 0) & (near < far) & np.isfinite(far)).all()
+
+
+def test_photographs_that_look_past_the_ground_do_not_change_the_scale(tmp_path):
+    folder = flight(tmp_path, 5)
+    views = Views.load(folder / VIEWS)
+    for view in (0, 2, 4):
+        eye = np.array([4.0 * view, 0, 30])
+        views.cam_from_world[view] = look_at(eye, eye + np.array([0, 1, 0.02]))
+    views.save(folder / VIEWS)
+    assert scene_of_photographs(folder, (40, 32), 0.005, 0.1).scale == pytest.approx(30, rel=0.1)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pycolmap
 import pytest
 from scipy.spatial import KDTree
 
 from aug3d_core.depth.cameras import camera_of, depth_sizes
 from aug3d_core.depth.files import FUSED, FUSED_TILES, WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS
-from aug3d_core.depth.fusion import _read_ply, fuse
+from aug3d_core.depth.fusion import _read_counts, _read_ply, fuse
 from aug3d_core.depth.fusion_tiles import Dense, FusionPlan, _cut, _cut_views, _world_of, fuse_to, plan_fusion
 from aug3d_core.depth.workspace import write_workspace
 from aug3d_core.geometry.depth_maps import read_map, write_map
@@ -160,6 +161,31 @@ def test_points_that_a_full_disk_cut_short_are_refused(tmp_path: Path, left: int
     assert len(_read_ply(tmp_path / "fused.ply")) == 4
 
 
-def test_fusion_leaves_nothing_beside_its_maps(dense: Dense) -> None:
+@pytest.mark.parametrize("left", [0, 7, 8, 10, 8 + 4 * 4, 8 + 4 * 5, 8 + 4 * 7, 8 + 4 * 8, 8 + 4 * 12 - 1])
+def test_counts_that_a_full_disk_cut_short_are_refused(tmp_path: Path, left: int) -> None:
+    numbers = [3, 0, 1, 2, 2, 0, 1, 4, 0, 1, 2, 3]
+    whole = np.uint64(3).tobytes() + np.array(numbers, "<u4").tobytes()
+    (tmp_path / "vis").write_bytes(whole)
+    assert _read_counts(tmp_path / "vis", 3).tolist() == [3, 2, 4]
+    (tmp_path / "vis").write_bytes(whole[:left])
+    with pytest.raises(OSError, match=r"No space left.*vis"):
+        _read_counts(tmp_path / "vis", 3)
+
+
+def test_fusion_leaves_nothing_beside_its_maps_even_where_it_was_killed_before(
+    dense: Dense, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def kill(ply: Path, *_: object, **__: object) -> None:
+        killed.append(ply)
+        raise InterruptedError
+
+    killed: list[Path] = []
+    with monkeypatch.context() as patched, pytest.raises(InterruptedError):
+        patched.setattr(pycolmap, "stereo_fusion", kill)
+        fuse(dense.workspace, dense.views, EVERY[:2])
+    as_it_was = {*dense.workspace.rglob("*")}
+    killed[0].parent.mkdir()
+    killed[0].write_bytes(b"ply")
+    assert dense.workspace in killed[0].parents
     fuse(dense.workspace, dense.views, EVERY[:2])
-    assert not [*dense.workspace.glob("tmp*")]
+    assert {*dense.workspace.rglob("*")} == as_it_was

@@ -12,7 +12,7 @@ from aug3d_core.geometry.transforms import apply, homogeneous, invert, look_at, 
 from aug3d_core.rendering import launch
 from aug3d_core.rendering.colour import linear_from_srgb
 from aug3d_core.rendering.job import MeshFile, RenderJob, Shard, Sunlit
-from aug3d_core.rendering.launch import render
+from aug3d_core.rendering.launch import drop_leftovers, render
 from aug3d_core.run.helper_process import WorkerDied
 
 WIDTH, HEIGHT = 7, 11  # odd and unequal, so that no swap of axes goes unseen
@@ -233,7 +233,9 @@ def test_a_worker_killed_in_its_second_shard_leaves_the_first_and_the_next_run_e
     poses, lenses = cameras(4, np.zeros(3), 5.0, rng)
     samples = 32768  # a view takes long enough for the kill to reach it
     whole = shoot(tmp_path, quad([(-2, -1, 0), (1, -1, 0), (1, 1, 1), (-2, 1, 0)], COLOURS[2]), poses, lenses, samples)
-    parts = tuple(Shard(first=i, last=i + 2, out=tmp_path / f"part{i}.npz", samples=samples) for i in (0, 2))
+    shards = tmp_path / "shards"
+    shards.mkdir()
+    parts = tuple(Shard(first=i, last=i + 2, out=shards / f"part{i}.npz", samples=samples) for i in (0, 2))
     job = RenderJob(meshes=(MeshFile(path=tmp_path / "mesh.ply"),), cameras=tmp_path / "cameras.npz", shards=parts)
 
     def kill(done: int) -> None:
@@ -245,8 +247,12 @@ def test_a_worker_killed_in_its_second_shard_leaves_the_first_and_the_next_run_e
     with pytest.raises(WorkerDied, match="SIGKILL"):
         render(job, kill)
     assert [part.out.exists() for part in parts] == [True, False]
+    assert [*shards.glob("*/*.exr")], "on the disk of the shards"
     kept = parts[0].out.read_bytes()
+    drop_leftovers(parts)
+    assert [*shards.iterdir()] == [parts[0].out]
     assert render(job, lambda _: None).views == 2
+    assert {*shards.iterdir()} == {part.out for part in parts}
     assert parts[0].out.read_bytes() == kept
     for part in parts:
         with np.load(part.out) as arrays:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +96,25 @@ def test_what_is_made_is_found_in_a_store_that_can_only_be_read(
     assert build(store, made, lambda *_: None) == Built(record, cached=True)
     with pytest.raises(StoreError, match="can only be read"):
         build(store, missing, lambda *_: None)
+
+
+@pytest.mark.parametrize("elsewhere", [True, False])
+def test_a_full_disk_is_named_by_the_file_that_could_not_be_written(
+    tmp_path: Path, small_disk: Callable[[int], Path], monkeypatch: pytest.MonkeyPatch, elsewhere: bool
+) -> None:
+    store, other = Store(tmp_path / "home"), small_disk(1)
+    work = work_of(DEPTH, scene_config("tiny").depth, {"sfm": Source(path=tmp_path, digest="d")})
+    file = (other if elsewhere else store.root) / "tmp1" / "a"
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
+
+    monkeypatch.setattr("aug3d_core.factory.build.run_isolated", full)
+    with pytest.raises(StageFailed) as caught:
+        build(store, work, lambda *_: None)
+    assert caught.value.cause == "disk" and str(file) in caught.value.problem
+    assert f"no space left on the disk of {other if elsewhere else store.root}:" in caught.value.problem
+    assert ("TMPDIR" if elsewhere else "--home") in caught.value.remedy
 
 
 def test_a_scene_finds_its_own_earlier_work_however_many_others_were_made_since(

@@ -160,6 +160,29 @@ def test_shards_that_a_power_cut_tore_are_rendered_again(renderer, tmp_path, tor
     pd.testing.assert_frame_equal(table, again)
 
 
+def test_what_killed_workers_left_beside_shards_is_no_output(renderer, tmp_path):
+    run(tmp_path)
+    out = tmp_path / "out"
+    as_it_was = {*out.rglob("*")}
+    (out / SHARDS / "tmpabc").mkdir()
+    (out / SHARDS / "tmpabc" / "view.exr").write_bytes(b"half a view")
+    (out / SHARDS / "0001.part").write_bytes(b"half a shard, that another machine made meanwhile")
+    run(tmp_path)
+    assert {*out.rglob("*")} == as_it_was and len(renderer.asked) == 3
+
+
+def test_samples_are_probed_on_the_disk_of_the_shards(renderer, tmp_path, monkeypatch):
+    def probe(_job, _cameras, scratch: Path) -> Chosen:
+        assert out in scratch.parents and not [*scratch.iterdir()]
+        (scratch / "probe.npz").touch()
+        return Chosen(8, 38.5, "enough")
+
+    out = tmp_path / "out"
+    monkeypatch.setattr(stage, "choose_samples", probe)
+    run(tmp_path)
+    assert not [*out.rglob("probe.npz")]
+
+
 def test_shards_are_equal_and_do_not_depend_on_the_machine(renderer, tmp_path, monkeypatch):
     monkeypatch.setattr(stage.os, "sched_getaffinity", lambda _: set(range(16)))
     run(tmp_path, views=10)

@@ -22,6 +22,7 @@ from aug3d_core.run.errors import StageFailed, UsageError
 from aug3d_core.run.files import JOB, LOG, SPENT
 from aug3d_core.run.fork_server import start
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY
+from aug3d_core.run.process import disk_of
 from aug3d_core.run.stage import Progress, Stage
 from aug3d_core.run.stage_main import Job
 from aug3d_core.store import layout
@@ -320,6 +321,40 @@ def test_a_full_disk_is_named_and_loses_nothing(
         shutil.rmtree(store.root / layout.WORK / "fake")
     else:
         assert make(store, stage, FakeConfig(do="slow")).metrics["figure"] == 1.5
+
+
+@pytest.mark.parametrize("elsewhere", [True, False])
+def test_a_full_disk_is_the_one_of_the_file_that_could_not_be_written(
+    tmp_path: Path, small_disk: Callable[[int], Path], elsewhere: bool
+) -> None:
+    store, stage, other = Store(tmp_path / "home"), fake_stage(tmp_path), small_disk(1)
+    file = (other if elsewhere else tmp_path) / "gone" / "0000.npz"
+    source = tmp_path / "tests_fake" / "stage.py"
+    raised = f'OSError({errno.ENOSPC}, "No space left on device", "{file}")'
+    source.write_text(source.read_text().replace('InputError("photo a.jpg is torn", "mend a.jpg")', raised))
+    with pytest.raises(StageFailed) as caught:
+        make(store, stage, FakeConfig(do="raise"))
+    failure = caught.value
+    assert failure.cause == "disk" and str(file) in failure.problem and "MiB free" in failure.remedy
+    assert f"no space left on the disk of {other if elsewhere else store.root}" in failure.problem
+    assert ("TMPDIR" in failure.remedy, "--home" in failure.remedy) == (elsewhere, not elsewhere)
+
+
+@pytest.mark.parametrize(
+    ("files", "elsewhere"),
+    [((), False), (("{home}/a",), False), (("{other}/a",), True), (("{home}/a", "{other}/b"), True),
+     (("{other}/a", "{home}/b"), False), (("the render worker of 0000.npz",), False)],
+)  # fmt: skip
+def test_the_file_that_was_written_tells_which_disk_is_full(
+    tmp_path: Path, small_disk: Callable[[int], Path], files: tuple[str, ...], elsewhere: bool
+) -> None:
+    other = small_disk(1)
+    named = [file.format(home=tmp_path, other=other) for file in files]
+    words: tuple[object, ...] = (errno.ENOSPC, os.strerror(errno.ENOSPC))
+    if named:
+        words = (*words, named[0], *(each for name in named[1:] for each in (None, name)))
+    full, remedy = disk_of(f"a worker said: {OSError(*words)}", tmp_path)
+    assert full == (other if elsewhere else tmp_path) and ("TMPDIR" in remedy) == elsewhere
 
 
 def wait_for(found: Callable[[], list[Path]]) -> list[Path]:

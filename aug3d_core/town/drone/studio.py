@@ -56,7 +56,9 @@ class Studio:
             RenderJob(meshes=self.meshes, cameras=self.cameras, shards=(shard,), light=light, depth=self.depth), on_view
         )
         with np.load(out) as arrays:
-            return arrays["rgb"], arrays["alpha"], arrays["depth"] if self.depth else None
+            shot = arrays["rgb"], arrays["alpha"], arrays["depth"] if self.depth else None
+        out.unlink()  # else the disk would hold the whole flight's
+        return shot
 
 
 def _export(mesh: TexturedMesh, image: UInt8[np.ndarray, "h w 3"], stem: Path) -> MeshFile:
