@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from aug3d_core.dataset.bounds import depths_in, near_far
-from aug3d_core.dataset.projection import middle_ground
+from aug3d_core.dataset.scale import ground_distance
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, Scene
 from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.geometry.ply import Mesh
@@ -90,8 +90,7 @@ def outside_scene(file: Path, trained_on: Scene) -> Scene:
     )
     if points is None:
         return scene
-    away = [np.linalg.norm(middle_ground(scene, view) - pose[:3, 3]) for view, pose in enumerate(poses)]
-    return replace(scene, scale=float(np.median(away)))
+    return replace(scene, scale=ground_distance(slab, poses, scene.intrinsics, scene.near_far, size_px))
 
 
 def _ground(file: Path, otherwise: Slab) -> tuple[Slab, np.ndarray | None]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Views
 from aug3d_core.rendering.colour import linear_from_srgb, srgb_from_linear
 from aug3d_core.run.errors import InputError
+from aug3d_core.run.scratch import scratch_folder
 from aug3d_core.run.stage import Inputs, Outcome, Progress
 from aug3d_core.town.drone.develop import Darkroom
 from aug3d_core.town.drone.flight import plan_flight
@@ -62,11 +62,11 @@ def run(inputs: Inputs, config: ExactTownConfig, out: Path, progress: Progress) 
     progress(0, len(views), "building the town")
     texel_m = town_config.altitude_m / town_config.focal_px / _TEXELS
     town = build_town(town_config, terrain, scene_rng, texel_m)
-    with tempfile.TemporaryDirectory() as scratch:
+    with scratch_folder(out / "studio") as scratch:
         fine_views = replace(views, intrinsics=FINER * views.intrinsics, size=FINER * views.size)
         samples = -(-town_config.samples // FINER**2)  # of a pixel as many as are asked for, or a few more
         fine_config = town_config.model_copy(update={"samples": samples})
-        studio = Studio.of(town, fine_views, fine_config, Path(scratch), depth=True)
+        studio = Studio.of(town, fine_views, fine_config, scratch, depth=True)
         rgb, alpha, fine_depth = studio.shoot(0, len(views), lambda done: progress(done, len(views), "photographs"))
     assert fine_depth is not None
     darkroom = Darkroom(
