@@ -51,7 +51,12 @@ def paint_texture(
         guess = np.rint(np.einsum("pk,pkc->pc", hits.weights, rgb[corners])).astype(np.uint8)
         texels[some] = np.where(colours.known[:, None], colours.rgb, guess)
     picture = texels.reshape(*triangle.shape, 3)
-    _fill_between(picture, triangle < 0)
+    empty = triangle < 0
+    for here, there in atlas.parts.shared():  # so that a cut through the ground is not seen
+        beyond = empty[here] & ~empty[there]
+        picture[here][beyond] = picture[there][beyond]
+        empty[here][beyond] = False
+    _fill_between(picture, empty)
     return TexturedMesh(shape.xyz, shape.triangles, atlas.uv, picture)
 
 

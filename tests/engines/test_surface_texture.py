@@ -14,14 +14,15 @@ from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Tracks, Views
 from aug3d_core.photos.files import image_name
+from aug3d_core.surface import atlas as atlas_module
 from aug3d_core.surface import texture
-from aug3d_core.surface.atlas import GUTTER, atlas_within, make_atlas, pack
+from aug3d_core.surface.atlas import GUTTER, LONGEST, SIDE, atlas_within, make_atlas, pack
 from aug3d_core.surface.build import _texel, build
 from aug3d_core.surface.clock import Clock
 from aug3d_core.surface.colour import Colours, Photographs, Places, paint_vertices
 from aug3d_core.surface.config import SurfaceConfig
 from aug3d_core.surface.draw import Drawn
-from aug3d_core.surface.shape import Shape, split_to, triangle_areas, triangle_normals
+from aug3d_core.surface.shape import Shape, split_to, triangle_areas, triangle_neighbours, triangle_normals
 from aug3d_core.surface.texture import paint_texture
 
 QUARTERS = np.array([[[250, 20, 20], [20, 250, 20]], [[20, 20, 250], [250, 250, 20]]], np.uint8)  # red top left
@@ -78,6 +79,99 @@ def test_a_budget_holds_however_many_charts_a_mesh_falls_into():
     assert atlas_within(shape, asked, 100)[0].charts == atlas.charts, "gutters alone take more than that: it ends"
 
 
+def ground(
+    length: float, width: float, step: float, heading_deg: float = 0.0, arm: float = np.inf, bend: float = 0.0
+) -> Shape:
+    """A rolling plate of triangles; bend: how far it winds to the sides; arm: of an L, how wide (all in one unit)."""
+    x, y = np.meshgrid(np.arange(0, length + step / 2, step), np.arange(0, width + step / 2, step))
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]).astype(np.int32)
+    plan, turn = np.stack([x.ravel(), y.ravel()]), np.radians(heading_deg)
+    y = y + bend * np.sin(x / 500)
+    east, north = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
+    shape = Shape(np.stack([east, north, np.sin(x / 20) * np.cos(y / 17)], axis=-1).reshape(-1, 3), triangles)
+    return shape.keep(plan[:, triangles].mean(axis=2).min(axis=0) < arm)
+
+
+GROUNDS: dict[str, Callable[[float], Shape]] = {
+    "strip": lambda heading_deg: ground(2000, 100, 20, heading_deg),
+    "long strip": lambda heading_deg: ground(10_000, 60, 20, heading_deg),
+    "river": lambda heading_deg: ground(5000, 60, 10, heading_deg, bend=300),
+    "L": lambda heading_deg: ground(1000, 1000, 20, heading_deg, arm=150),
+    "oblong": lambda heading_deg: ground(1000, 500, 20, heading_deg),
+    "square": lambda heading_deg: ground(1000, 1000, 20, heading_deg),
+}
+
+
+@pytest.mark.parametrize("heading_deg", [0, 10, 45, 77])
+@pytest.mark.parametrize("name", list(GROUNDS))
+def test_texels_are_as_small_as_the_budget_allows_whatever_the_ground_looks_like(name: str, heading_deg: float) -> None:
+    shape, budget = GROUNDS[name](heading_deg), 8192**2
+    area = float(triangle_areas(shape).sum())
+    wanted = float(np.sqrt(1.6 * area / budget))
+    atlas, texel = atlas_within(shape, wanted, budget)
+    assert texel <= 1.02 * wanted
+    filled = area / texel**2 / (atlas.width * atlas.height)
+    assert filled > (0.6 if name == "river" else 0.74)
+    assert max(atlas.width, atlas.height) < 2 * min(atlas.width, atlas.height)
+    assert atlas.parts.size.max() <= 1.25 * SIDE
+    assert atlas.charts == len(atlas.parts.size) <= (160 if name == "river" else 80)
+    assert not atlas.covered().any()
+
+
+def test_no_side_of_a_texture_is_longer_than_graphics_cards_take() -> None:
+    """Two triangles as long as the strip are cut nowhere."""
+    strip = Shape(
+        np.array([[0, 0, 0], [10_000, 0, 0], [10_000, 60, 0], [0, 60, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    )
+    atlas, texel = atlas_within(strip, 0.12, 8192**2)
+    assert max(atlas.width, atlas.height) <= LONGEST
+    assert 10_000 / texel > 0.9 * LONGEST, "nor smaller than it has to be"
+
+
+def test_a_chart_that_is_not_long_stays_as_it_lies() -> None:
+    shape = ground(20, 10, 1, heading_deg=30)
+    atlas = make_atlas(shape, 0.011)
+    assert 0.9 * SIDE < max(atlas.width, atlas.height) < SIDE + 2 * GUTTER
+    assert atlas.charts == 1 and not len(atlas.parts.size)
+    offset = atlas.xy * 0.011 - (shape.xyz * (1, -1, 1))[shape.triangles][..., :2]
+    assert np.ptp(offset, axis=(0, 1)).max() < 1e-9, "north up"
+
+
+def test_a_cut_through_the_ground_is_not_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise from texel to texel: whatever is not the very same texels on both sides shows."""
+    rng = np.random.default_rng(0)
+    Image.fromarray(rng.integers(0, 256, (160, 240, 3)).astype(np.uint8)).save(tmp_path / image_name(0))
+    views = ground_photo_view()
+    plate = ground(20, 12, 1, heading_deg=8)
+    shape = Shape(plate.xyz - plate.xyz.mean(axis=0), plate.triangles)
+    monkeypatch.setattr(atlas_module, "SIDE", 64)
+    monkeypatch.setattr(atlas_module, "LEAST_SIDE", 32)
+    atlas = make_atlas(shape, 0.1)
+    assert atlas.charts > 5 and len(atlas.parts.size) == atlas.charts
+    photographs = Photographs(views, np.arange(1), tmp_path, tmp_path / "masks", shape, 0.1)
+    mesh = paint_texture(photographs, shape, np.zeros((len(shape.xyz), 3), np.uint8), atlas, 1, lambda: None)
+    here, there = _on_both_sides(mesh, atlas.xy)
+    assert len(here) > 500 and here.std() > 20
+    np.testing.assert_allclose(here, there, atol=0.5)
+
+
+def _on_both_sides(mesh: TexturedMesh, texels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the colours of places on edges along which the texture is cut, on either side."""
+    sides: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    for pair in triangle_neighbours(Shape(mesh.xyz, mesh.triangles)):
+        ends = np.intersect1d(*mesh.triangles[pair])
+        corners = [[mesh.triangles[one].tolist().index(end) for end in ends] for one in pair]
+        if np.allclose(texels[pair[0], corners[0]], texels[pair[1], corners[1]]):
+            continue
+        for side, one, at in zip(sides, pair, corners, strict=True):
+            weights = np.zeros((21, 3))
+            weights[:, at[0]], weights[:, at[1]] = np.linspace(1, 0, 21), np.linspace(0, 1, 21)
+            side.append(mesh.colour_at(np.full(21, one), weights))
+    return np.concatenate(sides[0]), np.concatenate(sides[1])
+
+
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.integers(1, 40), st.integers(1, 40)), min_size=1, max_size=60))
 def test_packed_boxes_do_not_overlap(sizes):
@@ -94,6 +188,10 @@ def ground_photo(folder: Path) -> Views:
     """One photo from above of a plate with a colour in each quarter: red in the north-west, green in the north-east."""
     plate = np.kron(QUARTERS, np.ones((80, 120, 1), np.uint8))
     Image.fromarray(plate).save(folder / image_name(0))
+    return ground_photo_view()
+
+
+def ground_photo_view() -> Views:
     pose = look_at(np.array([0.0, 0.0, 20.0]), np.zeros(3))[None]
     return Views(np.zeros(1, int), pose, np.array([[200.0, 200.0, 120.0, 80.0]]), np.array([[240, 160]]))
 
