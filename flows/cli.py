@@ -52,6 +52,7 @@ from flows.refusal import typed_errors
 from flows.registered import as_registered, tell_of_file
 from flows.scenes import scenes
 from flows.server import prefect_server
+from flows.serving import secrets_read
 from flows.settings import OURS, apply_local_environment, reach_this_machine_directly
 from flows.status import status
 from flows.study import study
@@ -336,6 +337,13 @@ study.command("stability")(study_stability)
 study.command("generalisation")(study_generalisation)
 app.add_typer(study, name="study")
 app.add_typer(bench, name="bench")
+
+
+@app.callback()
+def _begin() -> None:
+    """Before every command: what follows, the store's client too, finds secrets in the environment alone."""
+    with typed_errors(as_json=False):
+        os.environ.update(secrets_read(os.environ))
 
 
 def main() -> None:

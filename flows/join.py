@@ -22,7 +22,7 @@ from flows.guard import USER
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.services import TOLD, ready_file
-from flows.serving import PASSWORD, QUEUE, secrets_read
+from flows.serving import PASSWORD, QUEUE
 from flows.settings import HOME, local_environment
 from tasks.ping import unreachable
 
@@ -51,7 +51,7 @@ def worker(
     The secret is read from AUG3D_PASSWORD (or AUG3D_PASSWORD_FILE), or from PREFECT_API_AUTH_STRING (user:password).
     """
     with typed_errors(as_json=False, home=home):
-        environment = joined(secrets_read(os.environ), server, store, queue, home.resolve())
+        environment = joined(os.environ, server, store, queue, home.resolve())
         check(environment)
         os.execve(sys.executable, [sys.executable, "-m", "flows.joined_worker"], environment)
 

@@ -7,13 +7,11 @@ import math
 import os
 import secrets
 import signal
-import socket
 import sys
 import time
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime, timedelta
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -40,6 +38,7 @@ from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.run.errors import StoreError, shown
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.scene_files.files import REGISTRY
+from aug3d_core.store.machine_name import machine_name
 from aug3d_core.store.store import Store
 from flows.serving import CPU, GPU
 from flows.takeover import in_thread, lease_of, put_back
@@ -156,11 +155,8 @@ class PoolWorker(ProcessWorker):
 
 
 def machine(store: Store) -> str:
-    """Return how a machine is called, with its home: a worker's name begins so, and the queue of what it alone is to do.
-
-    Homes of one name in two folders are told apart: a queue's name has no room for a path.
-    """
-    return f"{socket.gethostname()} {store.root.name} {sha256(str(store.root).encode()).hexdigest()[:4]}"
+    """Return how this machine is called, with its home."""
+    return machine_name(store.root)
 
 
 def machine_of(worker: str) -> str:

@@ -22,9 +22,10 @@ from flows.guard import USER
 from flows.preflight import check_servers
 from flows.reading import read_store
 from flows.refusal import typed_errors
-from flows.serving import PASSWORD, secrets_read
+from flows.serving import PASSWORD
 from flows.settings import HOME, apply_local_environment
 from flows.summary import WIDTH
+from flows.up import is_served
 from flows.words import time_words, traffic_words
 
 _API, _AUTH = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING"
@@ -48,7 +49,7 @@ def status(
     """
     with typed_errors(as_json, home):
         store = read_store(home)
-        os.environ.update(_server_of(store, server, secrets_read(os.environ)))
+        os.environ.update(_server_of(store, server, os.environ))
         check_servers()
         apply_local_environment(store.root)
         # Prefect reads its settings when it is imported, so it is imported after they are set.
@@ -69,14 +70,17 @@ def _server_of(store: Store, server: str, environment: Mapping[str, str]) -> dic
     if environment.get(_API):
         return {_API: environment[_API], **own}
     services = store.root / layout.SERVICES
+    none = UsageError(
+        f"no aug3d up serves {store.root}",
+        "start it, or name the server of another machine with --server http://HOST:4200",
+    )
+    if not is_served(store.root):
+        raise none
     try:
         address = json.loads((services / layout.SERVICES_RUNNING).read_bytes())["prefect"]
         token = (services / layout.SERVICES_TOKEN).read_text() if not own else ""
     except (OSError, ValueError, KeyError) as error:
-        raise UsageError(
-            f"no aug3d up serves {store.root}",
-            "start it, or name the server of another machine with --server http://HOST:4200",
-        ) from error
+        raise none from error
     return {_API: f"{address}/api", **(own or {_AUTH: f"{USER}:{token}"})}
 
 

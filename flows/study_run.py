@@ -49,7 +49,7 @@ def as_flow(
 
     @flow(name="study from the command line", flow_run_name=name)
     def run() -> None:
-        with run_lock(store.root), listening(listener), asked.over_cluster():
+        with run_lock(store.root), listening(listener), asked.over_cluster(store):
             found.append(prepared.carry_out(missing_through_prefect(store), done, describe_machine()))
 
     run()
@@ -165,7 +165,7 @@ def _working() -> Iterator[tuple[Store, Make]]:
 def _found(store: Store, make: Make, asked: Asked) -> Any:
     """Make what a study asks for, over a Dask cluster if there is one, and show each cell that is done."""
     prepared = asked.prepared(store)
-    with asked.over_cluster():
+    with asked.over_cluster(store):
         return prepared.carry_out(make, _done, describe_machine())
 
 

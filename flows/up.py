@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import socket
@@ -31,7 +32,6 @@ from flows.serving import (
     check_password,
     names_in,
     queues_from,
-    secrets_read,
     with_secret,
 )
 from flows.supervisor import Stopped, Supervised, Supervisor, terminable
@@ -60,7 +60,6 @@ def up(
     address printed here brings along; a browser that was signed in stays so. See also --host.
     """
     with typed_errors(as_json, home):
-        os.environ.update(secrets_read(os.environ))
         password, names = os.environ.get(PASSWORD, ""), names_in(os.environ)
         serving = Serving(home.resolve(), host, prefect_port, mlflow_port, password, names)
         with suppress(Stopped):
@@ -123,6 +122,18 @@ def _only_one(serving: Serving) -> Iterator[Path]:
                 "open those, or end it with Ctrl-C first",
             ) from None
         raise UsageError(f"another aug3d up serves {serving.home} already", "end that one first") from None
+
+
+def is_served(home: Path) -> bool:
+    """Say whether an `aug3d up` holds a home: one that was killed leaves the file that tells of it, but not the lock."""
+    try:
+        with (home / layout.SERVICES / layout.SERVICES_LOCK).open("rb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # no lock, or one that this user may not see
+        return False
+    return False
 
 
 def check_ports(serving: Serving) -> None:

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aug3d_core.run.errors import Aug3dError
 from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 from flows.guard import TOKEN, Door, Guard
 from flows.predict import judged_with
 from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
-from flows.serving import PASSWORD, Serving, check_password, secrets_read, with_secret
+from flows.serving import PASSWORD, Serving, check_password, with_secret
 from flows.supervisor import Stopped, terminable
 
 if TYPE_CHECKING:
@@ -96,17 +95,15 @@ def _bring(viewer: Viewer, loaded: Future[Predictor]) -> None:
     """Bring the model into the page; where there is none, the page says why and shows the rest."""
     try:
         viewer.predict_with(loaded.result())
-    except Aug3dError as error:
-        viewer.say(f"**No predictions**: {error.problem}\n\n{error.remedy}")
     except Exception as error:  # what the page would wait for without end
-        viewer.say(f"**No predictions**: {type(error).__name__}: {error}")
+        viewer.say(error)
 
 
 def _serving(store: Store) -> tuple[Serving, bool]:
     """Return what holds the secret, and whether it is the user's own password; a home that cannot be written gets a token of
     its own each time.
     """
-    serving = Serving(store.root, password=secrets_read(os.environ).get(PASSWORD, ""))
+    serving = Serving(store.root, password=os.environ.get(PASSWORD, ""))
     check_password(serving)
     if serving.password:
         return serving, True

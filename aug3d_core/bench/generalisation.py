@@ -55,12 +55,12 @@ def figures(store: Store, scene: Measured, say: Say, photos: Mapping[str, Path],
     for name, folder in photos.items():
         trial = _packed(store, folder, make)
         if trial.failure:
-            found[name] = Figure(None, "dB", None, None, trial.failure)
+            found[name] = _failed(trial)
             continue
         tests[name] = trial.of(["dataset"])
-        views = _judged(store, tests[name], model, make)
-        found |= scene_scores(views, f"{name}_zero_shot", GOALS.get(f"{name}_zero_shot", {}))
-        found |= _tuned(store, scene, tests[name][0], views, name, make)
+        of, views = f"{name}_zero_shot", _judged(store, tests[name], model, make)
+        found |= {of: _failed(views)} if isinstance(views, Trial) else scene_scores(views, of, GOALS.get(of, {}))
+        found |= _tuned(store, scene, tests[name][0], name, make)
         found |= _flight(store, folder, name, model, make)
     if towns and tests:
         found |= _by_towns(store, scene, tests, make)
@@ -91,25 +91,29 @@ def _packed(store: Store, folder: Path, make: Make) -> Trial:
     return tried(walk(store, stages[: stages.index(DATASET) + 1], scene_config("auto"), material, make))
 
 
-def _judged(store: Store, datasets: list[Record], model: Source, make: Make) -> pd.DataFrame:
-    """Return the scores of a model on the test of every fold."""
+def _failed(trial: Trial) -> Figure:
+    return Figure(None, "dB", None, None, trial.failure)
+
+
+def _judged(store: Store, datasets: list[Record], model: Source, make: Make) -> pd.DataFrame | Trial:
+    """Return the scores of a model on the test of every fold, or the trial of the first that failed."""
     config = EvaluationConfig(input_views=INPUT_VIEWS, panels=0, flythrough_frames=0)
     tables = []
     for data in datasets:
         sources = {"dataset": source_of(store, data), "training": model}
         trial = tried(single(EVALUATION, config, sources, make))
+        if trial.failure:
+            return trial
         tables.append(pd.read_parquet(store.file(trial.records["evaluation"], TEST_VIEWS)))
     return pd.concat(tables, ignore_index=True)
 
 
-def _tuned(
-    store: Store, scene: Measured, data: Record, never_seen: pd.DataFrame, name: str, make: Make
-) -> dict[str, Figure]:
+def _tuned(store: Store, scene: Measured, data: Record, name: str, make: Make) -> dict[str, Figure]:
     """Train on a scene for two minutes from the shipped weights, and for ten from random ones."""
     config = scene.config().training
     few = _trained(store, _lasting(config.started("towns"), 20), {"dataset": data}, make)
     if few.failure:
-        return {f"{name}_tuned": Figure(None, "dB", None, None, few.failure)}
+        return {f"{name}_tuned": _failed(few)}
     step_s = few.cpu_seconds(["training"]) / 20
     found: dict[str, Figure] = {}
     scores, minutes = {}, {}
@@ -119,8 +123,11 @@ def _tuned(
     ):
         trial = _trained(store, _lasting(base, max(int(60 * most / step_s), 1)), {"dataset": data}, make)
         if trial.failure:
-            return {f"{name}_{how}": Figure(None, "dB", None, None, trial.failure)}
-        scores[how] = _judged(store, [data], source_of(store, trial.records["training"]), make)
+            return {f"{name}_{how}": _failed(trial)}
+        views = _judged(store, [data], source_of(store, trial.records["training"]), make)
+        if isinstance(views, Trial):
+            return {f"{name}_{how}": _failed(views)}
+        scores[how] = views
         minutes[how] = trial.cpu_seconds(["training"]) / 60
         found |= scene_scores(scores[how], f"{name}_{how}", {})
         found[f"{name}_{how}_minutes"] = Figure(minutes[how], "min")
@@ -154,14 +161,19 @@ def _by_towns(store: Store, scene: Measured, tests: Mapping[str, list[Record]], 
         packed[name] = built.record
     for count in TOWNS:
         trial = _trained(store, config, dict(list(packed.items())[:count]), make)
-        model = source_of(store, trial.records["training"])
         for name, datasets in tests.items():
-            views = _judged(store, datasets, model, make)
-            found[f"{name}_{count}_towns_free"] = Figure(mean(views, free_column(views)), "dB")
-            found[f"{name}_{count}_towns_scaffold"] = Figure(mean(views, "psnr"), "dB")
+            of, views = f"{name}_{count}_towns", trial
+            if not trial.failure:
+                views = _judged(store, datasets, source_of(store, trial.records["training"]), make)
+            if isinstance(views, Trial):
+                found[f"{of}_free"] = _failed(views)
+                continue
+            found[f"{of}_free"] = Figure(mean(views, free_column(views)), "dB")
+            found[f"{of}_scaffold"] = Figure(mean(views, "psnr"), "dB")
     for name in tests:
         one, most = (found[f"{name}_{count}_towns_free"].value for count in (1, max(TOWNS)))
-        found[f"{name}_{max(TOWNS)}_towns_over_one"] = at_least(0.5, (most or 0) - (one or 0), "dB")
+        over = None if one is None or most is None else most - one
+        found[f"{name}_{max(TOWNS)}_towns_over_one"] = at_least(0.5, over, "dB")
     return found
 
 

@@ -53,11 +53,9 @@ def figures(store: Store, scene: Measured, say: Say, photos: Mapping[str, Path])
     found |= _untrained(store, scene, say) | _pixelnerf(store, scene, say, sweep, found["town_free_psnr"].value)
     for name, folder in photos.items():
         other = _trial(store, scene, say, SWEEP, folder)
-        if other.failure:
-            found[name] = Figure(None, "dB", None, None, other.failure)
-            continue
         found |= _scores(store, other, name)
-        found |= _scores(store, _elsewhere(store, say, sweep, other), f"{name}_never_seen")
+        if not other.failure:
+            found |= _scores(store, _elsewhere(store, say, sweep, other), f"{name}_never_seen")
     return found
 
 
@@ -67,6 +65,8 @@ def _trial(store: Store, scene: Measured, say: Say, head: tuple[str, ...], photo
 
 
 def _scores(store: Store, trial: Trial, name: str) -> dict[str, Figure]:
+    if trial.failure:
+        return {name: Figure(None, "dB", None, None, trial.failure)}
     views = pd.read_parquet(store.file(trial.records["evaluation"], TEST_VIEWS))
     return scene_scores(views, name, GOALS.get(name, {}))
 

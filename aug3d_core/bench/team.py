@@ -6,7 +6,6 @@ import json
 import os
 import secrets
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -29,6 +28,7 @@ from aug3d_core.run.errors import Aug3dError
 from aug3d_core.run.files import LOG
 from aug3d_core.run.linux_process import die_with_parent
 from aug3d_core.store import layout
+from aug3d_core.store.machine_name import machine_name
 from aug3d_core.store.scenes import step_objects
 
 AUG3D = str(Path(sys.executable).parent / "aug3d")
@@ -75,7 +75,7 @@ class Team:
         [deployed] = [one for one in self.ask("deployments/filter", {}) if one["name"] == name]
         asked: dict[str, Any] = {"parameters": parameters, "idempotency_key": secrets.token_hex(8)}  # `ask` asks again
         if on is not None:
-            asked["work_queue_name"] = f"{socket.gethostname()} {on}"  # its own, called by machine and home
+            asked["work_queue_name"] = self.machine(on)  # the queue of its own
         return self.ask(f"deployments/{deployed['id']}/create_flow_run", asked)["id"]
 
     def start_all(self) -> str:
@@ -97,9 +97,13 @@ class Team:
         return {run["parameters"]["scene"]: run for run in runs if "scene" in run["parameters"]}
 
     def worker_of(self, scene: str) -> str:
-        """Return which worker makes a scene, "" if none does."""
-        label = self.scenes().get(scene, {}).get("labels", {}).get(_WORKER, "")
-        return label.rpartition(" (")[0].removeprefix(f"{socket.gethostname()} ")
+        """Return which worker makes a scene, or has made it; "" if none does that lives."""
+        machine = self.scenes().get(scene, {}).get("labels", {}).get(_WORKER, "").rpartition(" (")[0]
+        return next((name for name in self.workers if self.machine(name) == machine), "")
+
+    def machine(self, name: str) -> str:
+        """Return how Prefect calls the machine that a process of the team stands for: its workers' names begin so."""
+        return machine_name((self.folder / name).resolve())
 
     def status(self) -> dict[str, Any]:
         """Return what `aug3d status` tells on the machine of `aug3d up`."""
@@ -153,10 +157,6 @@ class Team:
     def made(self) -> Counter[str]:
         """Return how often each object was made, by its stage and key."""
         return times_made(self._logs(), self._computed())
-
-    def has_made(self, stage: str) -> bool:
-        """Say whether an object of a stage is there."""
-        return any(name.startswith(f"{stage} ") for _, name in self._logs())
 
     def wait(
         self,

@@ -1,6 +1,6 @@
 """The Dask cluster whose scheduler AUG3D_DASK names: whether it may be used, who works for it, and what they are asked.
 
-Only an order goes to the scheduler, a few lines of JSON. What a worker makes of it goes to the shared store.
+Only an order goes to the scheduler, as JSON. What a worker makes of it goes to the shared store.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ not there, and poses, are named by the machine that has them.
 
 from __future__ import annotations
 
-import json
 import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from pydantic import ValidationError
 from aug3d_core.factory.material import Elsewhere
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import Aug3dError, StoreError, UsageError
+from aug3d_core.run.stage import Frozen
 from aug3d_core.scene_files.registry import Registry
 from aug3d_core.store import layout
 from aug3d_core.store.scene_name import check_scene_name
@@ -30,14 +30,27 @@ _BROUGHT = "# Brought from "  # begins a file that is a copy
 Registries = Sequence[Registry[Any]]
 
 
-def share(store: Store, bucket: Bucket, registries: Registries) -> None:
-    """Put all files of these registries where other machines find them, at once: paths in them absolute."""
+class SharedFiles(Frozen):
+    """All files of registries, by folder and name, as a machine tells them to others: paths in them absolute."""
+
+    host: str
+    files: dict[str, str]
+
+
+def to_share(store: Store, registries: Registries) -> SharedFiles:
+    """Return this home's registries as others are told them."""
     files = {
         f"{registry.folder}/{file.name}": _content(registry, file)
         for registry in registries
         for file in registry.files(store)
+        if _is_registry_file(file.name)
     }
-    bucket.put(_NAME, json.dumps({"host": socket.gethostname(), "files": files}).encode())
+    return SharedFiles(host=socket.gethostname(), files=files)
+
+
+def share(store: Store, bucket: Bucket, registries: Registries) -> None:
+    """Put all files of these registries where other machines find them, at once."""
+    bucket.put(_NAME, to_share(store, registries).model_dump_json().encode())
 
 
 def check_has_none_of_its_own(store: Store, registries: Registries) -> None:
@@ -53,12 +66,17 @@ def check_has_none_of_its_own(store: Store, registries: Registries) -> None:
 
 def bring(store: Store, bucket: Bucket, registries: Registries) -> None:
     """Make this home's registries those of the machine that shares them; raises StoreError if none does."""
-    told = _told(bucket)
+    take(store, _told(bucket), registries)
+
+
+def take(store: Store, told: SharedFiles, registries: Registries) -> None:
+    """Make this home's registries those of another machine; raises UsageError if it has files of its own."""
     check_has_none_of_its_own(store, registries)
+    host = told.host.partition("\n")[0]
     for registry in registries:
         wanted = {
-            name.rpartition("/")[2]: f"{_BROUGHT}{told['host']}, where it is edited: a change here is lost.\n{text}"
-            for name, text in told["files"].items()
+            name.rpartition("/")[2]: f"{_BROUGHT}{host}, where it is edited: a change here is lost.\n{text}"
+            for name, text in told.files.items()
             if name.rpartition("/")[0] == registry.folder and _is_registry_file(name)
         }
         with registry.alone(store):
@@ -105,7 +123,7 @@ def _content(registry: Registry[Any], file: Path) -> str:
         return file.read_bytes().decode(errors="replace") if file.is_file() else ""
 
 
-def _told(bucket: Bucket) -> Mapping[str, Any]:
+def _told(bucket: Bucket) -> SharedFiles:
     content = bucket.get(_NAME)
     if content is None:
         raise StoreError(
@@ -113,10 +131,9 @@ def _told(bucket: Bucket) -> Mapping[str, Any]:
             "start aug3d up, on the machine that has the scene files, with the same AUG3D_STORE",
         )
     try:
-        told = json.loads(content)
-        return {"host": str(told["host"]).partition("\n")[0], "files": dict(told["files"])}
-    except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{bucket.url}/{_NAME} is damaged ({error})", "delete it; aug3d up puts it again") from error
+        return SharedFiles.model_validate_json(content)
+    except ValidationError as error:
+        raise StoreError(f"{bucket.url}/{_NAME} is damaged", "delete it; aug3d up puts it again") from error
 
 
 def _is_registry_file(name: str) -> bool:

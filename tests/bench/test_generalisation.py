@@ -20,7 +20,7 @@ from aug3d_core.scene_files import SceneEntry
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
 from tests.collections.stand_in import Stages
-from tests.stand_in_stages import write_test
+from tests.stand_in_stages import Made, write_test
 from tests.toy_scene import toy_scene
 
 
@@ -55,6 +55,24 @@ def test_more_towns_are_trained_on_from_the_same_start(tmp_path: Path) -> None:
     assert stages.computed.count("exact_town") == 30 and stages.computed.count("training") == 4
     assert found["coast_1_towns_scaffold"].value == pytest.approx(20.6)
     assert found["coast_30_towns_over_one"].value == pytest.approx(2.9) and found["coast_30_towns_over_one"].holds
+
+
+@pytest.mark.parametrize("stage", ["training", "evaluation"])
+def test_towns_of_which_a_step_fails_are_told_beside_the_others(stage: str, tmp_path: Path) -> None:
+    class Scored(Stages):
+        def figures(self, stage, made, files):
+            if stage.name == "evaluation":
+                write_test(files, {1: 20.0, 2: 21.0}, others=19.0)
+            return super().figures(stage, made, files)
+
+    store, stages = Store(tmp_path), Scored()
+    stages.fails = lambda at, made: "memory: killed" if at == stage and len(stages.given["training"]) == 30 else ""
+    make = stages.maker(store)
+    made = make_data(store, CollectionEntry(train=("coast",)), {"coast": SceneEntry(photos=None)}, lambda of: make)
+    found = _by_towns(store, Measured("tiny"), {"coast": [*made.members["coast"].data.values()]}, make)
+    assert found["coast_10_towns_scaffold"].value == 20.5
+    assert "memory: killed" in found["coast_30_towns_free"].failure
+    assert (found["coast_30_towns_over_one"].value, found["coast_30_towns_over_one"].holds) == (None, False)
 
 
 class Whole(Stages):
@@ -103,6 +121,31 @@ def test_every_figure_of_the_contract_is_measured(tmp_path: Path, monkeypatch: p
     assert found["loader_peak_mib"].holds and found["loader_wait_share"].holds
     assert stages.most == generalisation.SCENES
     assert not (store.root / "flight").exists() and not (store.root / "reading").exists()
+
+
+@pytest.mark.parametrize(("steps", "fails"), [(None, "zero_shot"), (240, "tuned"), (1200, "scratch")])
+def test_an_evaluation_that_fails_is_told_beside_the_other_figures(
+    steps: int | None, fails: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(stage: str, made: Made) -> str:
+        judged = made.get("training", {}).get("steps")  # the shipped model is no object
+        return "memory: killed" if stage == "evaluation" and judged == steps else ""
+
+    stages = Whole()
+    stages.fails = fail
+    monkeypatch.setattr(generalisation, "reading", lambda *_: {})
+    monkeypatch.setattr(generalisation, "directly", lambda store, say: stages.maker(store))
+    monkeypatch.setattr(generalisation, "scene_config", lambda preset: scene_config("tiny"))
+    photos = tmp_path / "coast"
+    photos.mkdir()
+    Image.new("RGB", (32, 24)).save(photos / "a.jpg")
+    found = generalisation.figures(
+        Store(tmp_path / "store"), Measured("tiny"), lambda *said: None, {"coast": photos}, towns=False
+    )
+    [(name, figure)] = [(name, figure) for name, figure in found.items() if figure.failure]
+    assert name == f"coast_{fails}" and figure.value is None and "memory: killed" in figure.failure
+    assert found["coast_flight_minutes"].holds
+    assert ("coast_zero_shot_free_psnr" in found) == (fails != "zero_shot")
 
 
 def test_a_flight_whose_preview_fails_reaches_no_goal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

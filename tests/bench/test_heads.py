@@ -15,7 +15,7 @@ from aug3d_core.run.files import FILES
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.trial import Measured
 from tests.collections.stand_in import Stages
-from tests.stand_in_stages import write_test
+from tests.stand_in_stages import Made, write_test
 
 
 class Judged(Stages):
@@ -33,7 +33,37 @@ class Judged(Stages):
         return made["training"]["steps"] / 4 if stage.name == "training" else 2.0
 
 
-def test_every_figure_of_the_contract_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def coast(tmp_path: Path) -> Path:
+    """Return a folder of photographs."""
+    photos = tmp_path / "coast"
+    photos.mkdir()
+    for number in range(3):
+        Image.new("RGB", (32, 24), (number, 0, 0)).save(photos / f"{number}.jpg")
+    return photos
+
+
+@pytest.mark.parametrize("fails", ["coast", "coast_never_seen"])
+def test_an_evaluation_that_fails_is_told_beside_the_other_figures(
+    fails: str, coast: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(stage: str, made: Made) -> str:
+        if stage != "evaluation" or made["training"]["head"].get("start") == "random":
+            return ""
+        elsewhere = made["training"]["head"]["name"] == "sweep" and made["evaluation"]["flythrough_frames"] == 0
+        return "memory: killed" if (elsewhere if fails == "coast_never_seen" else "town" not in made) else ""
+
+    stages = Judged()
+    stages.fails = fail
+    monkeypatch.setattr(heads, "directly", lambda store, say: stages.maker(store))
+    monkeypatch.setattr(heads, "in_own_process", lambda job: (0.2, 0.5))
+    found = heads.figures(Store(tmp_path / "store"), Measured("tiny"), lambda *said: None, {"coast": coast})
+    [(name, figure)] = [(name, figure) for name, figure in found.items() if figure.failure]
+    assert name == fails and figure.value is None and "memory: killed" in figure.failure
+    assert found["town_free_psnr"].value == 23.5 and ("coast_free_psnr" in found) == (fails != "coast")
+
+
+def test_every_figure_of_the_contract_is_measured(coast: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stages, timed = Judged(), []
 
     def timing(job: partial) -> tuple[float, float]:
@@ -44,11 +74,7 @@ def test_every_figure_of_the_contract_is_measured(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(heads, "directly", lambda store, say: stages.maker(store))
     monkeypatch.setattr(heads, "in_own_process", timing)
-    photos = tmp_path / "coast"
-    photos.mkdir()
-    for number in range(3):
-        Image.new("RGB", (32, 24), (number, 0, 0)).save(photos / f"{number}.jpg")
-    found = heads.figures(Store(tmp_path / "store"), Measured("tiny"), lambda *said: None, {"coast": photos})
+    found = heads.figures(Store(tmp_path / "store"), Measured("tiny"), lambda *said: None, {"coast": coast})
     assert not [f"{key}: {figure.failure}" for key, figure in found.items() if figure.failure]
     assert found["view_seconds_256"].value == found["view_seconds_512"].value == 0.2 and len(set(timed)) == 2
     assert found["untrained_psnr"].value == 12.0

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as NotYet
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,7 @@ from aug3d_core.bench import team
 from aug3d_core.bench.s3_service import BUCKET, KEYS, address_of, free_port, s3_process
 from aug3d_core.bench.team import Team, leftovers, stage_of, times_made
 from aug3d_core.store.bucket import Bucket
+from aug3d_core.store.store import Store
 
 LOGS = {("one", "depth a"), ("two", "depth b")}
 
@@ -58,6 +60,31 @@ def test_what_still_runs_for_a_home_is_told_until_it_has_ended(tmp_path: Path, m
         assert ours.stdin
         ours.stdin.close()
         assert leftovers(tmp_path) == []
+
+
+def test_a_worker_is_known_by_the_name_and_served_by_the_queue_that_the_pool_gives_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from flows.pool import WORKER, PoolWorker
+
+    asked = {}
+
+    def ask(path: str, body: Any = None) -> Any:
+        if path == "flow_runs/filter":
+            return [{"parameters": {"scene": scene}, "labels": {WORKER: one.name}} for scene, one in made_by.items()]
+        asked[path] = body
+        return {"id": "a run"} if path.endswith("create_flow_run") else [{"name": "town", "id": "deployed"}]
+
+    pool = {
+        name: PoolWorker(Store(tmp_path / name), ("cpu", "gpu"), 1, own=True) for name in ("vm", "vm one", "killed")
+    }
+    made_by = {f"town of {name}": worker for name, worker in pool.items()}
+    members = Team(tmp_path, {}, None, workers={"vm": None, "vm one": None})  # type: ignore[arg-type, dict-item]
+    monkeypatch.setattr(members, "ask", ask)
+    assert [members.worker_of(scene) for scene in (*made_by, "nobody's")] == ["vm", "vm one", "", ""]
+    members.start("town", on="vm one")
+    queue = asked["deployments/deployed/create_flow_run"]["work_queue_name"]
+    assert [name for name, worker in pool.items() if queue in worker._work_queues] == ["vm one"]
 
 
 def test_a_store_that_is_away_answers_nothing_and_then_has_what_it_had(

@@ -22,6 +22,8 @@ from flows.cli import app
 from flows.join import check, joined
 from tests.flows.guarded_server import SECRET, guarded_server
 
+SECRETS = {name: KEYS[name] for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")}
+
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[str]:
@@ -53,6 +55,43 @@ def test_with_all_that_it_needs_it_knows_the_scenes(environment: dict[str, str],
     check(environment)
     assert (tmp_path / "home" / "scenes" / "hill.yaml").exists()
     assert Bucket(environment["AUG3D_STORE"]).names("") == ["registry.json"], "what it tried is gone"
+
+
+@pytest.fixture
+def in_files(environment: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process have its secrets in files alone, as docker-compose.yml gives them."""
+    for name, value in {**SECRETS, "AUG3D_PASSWORD": SECRET}.items():
+        (tmp_path / name).write_text(f"{value}\n")
+        monkeypatch.setenv(f"{name}_FILE", str(tmp_path / name))
+        monkeypatch.setenv(name, "")  # so that what the command sets is gone after the test
+        monkeypatch.delenv(name)
+
+
+def test_secrets_that_stand_in_files_open_the_store_and_the_server(
+    in_files: None, server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    began: list[dict[str, str]] = []
+    monkeypatch.setattr(os, "execve", lambda _, words, environment: began.append(environment))
+    words = ["worker", "--server", server, "--home", str(tmp_path / "home")]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    [environment] = began
+    assert environment["PREFECT_API_AUTH_STRING"] == f"admin:{SECRET}"
+    assert {name: environment[name] for name in SECRETS} == SECRETS
+    assert (tmp_path / "home" / "scenes" / "hill.yaml").exists()
+
+
+def test_any_command_in_a_worker_s_container_reads_the_shared_store(in_files: None, tmp_path: Path) -> None:
+    write_scene(Store(tmp_path / "home"), "hill", SceneEntry(photos=None))
+    result = CliRunner().invoke(app, ["scenes", "list", "--home", str(tmp_path / "home")])
+    assert result.exit_code == 0 and "hill" in result.stdout, result.output
+
+
+def test_a_secret_whose_file_is_gone_is_told_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY_FILE", str(tmp_path / "none"))
+    refused = CliRunner().invoke(app, ["scenes", "list", "--home", str(tmp_path)])
+    assert refused.exit_code == 2 and "AWS_SECRET_ACCESS_KEY_FILE" in refused.stderr
 
 
 def test_the_server_is_found_and_told_the_password() -> None:

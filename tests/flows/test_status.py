@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
 from typer.testing import CliRunner, Result
 
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
+from flows.status import _server_of
 from tests.flows.pool_workers import only_these
 
 pytestmark = pytest.mark.slow
@@ -115,8 +117,34 @@ def test_the_cost_of_each_scene_is_told_by_the_command(
     assert "costly" in words and "314" in words and "7 requests (get 3, put 4)" in words
 
 
-def test_without_a_server_it_says_how_to_get_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.delenv("AUG3D_PASSWORD", raising=False)
+@pytest.fixture
+def no_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "AUG3D_PASSWORD"):
+        monkeypatch.setenv(name, "")
+
+
+@pytest.fixture
+def services(tmp_path: Path) -> Path:
+    """Return what an `aug3d up` of this home says of itself as long as it serves."""
+    services = tmp_path / "services"
+    services.mkdir()
+    (services / "up.json").write_text(json.dumps({"prefect": "http://127.0.0.1:1", "pid": os.getpid()}))
+    (services / "token").write_text("a token")
+    (services / "up.lock").touch()
+    return services
+
+
+def test_what_was_killed_serves_nobody_though_its_file_is_left(no_server: None, services: Path) -> None:
+    refused = run_cli("status", "--home", str(services.parent))
+    assert refused.exit_code == 2 and "no aug3d up serves" in refused.stderr, refused.output
+
+
+def test_the_server_of_this_home_is_asked_with_its_token(no_server: None, services: Path) -> None:
+    with FileLock(services / "up.lock"):
+        found = _server_of(Store(services.parent), "", {})
+    assert found == {"PREFECT_API_URL": "http://127.0.0.1:1/api", "PREFECT_API_AUTH_STRING": "admin:a token"}
+
+
+def test_without_a_server_it_says_how_to_get_one(no_server: None, tmp_path: Path) -> None:
     refused = run_cli("status", "--home", str(tmp_path))
     assert refused.exit_code == 2 and "no aug3d up serves" in refused.stderr and "--server" in refused.stderr

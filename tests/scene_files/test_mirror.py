@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -87,7 +88,10 @@ def test_photographs_that_are_not_there_are_known_by_what_was_told_last(
     with pytest.raises(InputError, match="photos"):
         entry.material()
     assert told_photographs(bucket, "hill") is None
-    for read in (Elsewhere(photos="before", photo_count=1), Elsewhere(photos="now", photo_count=2, poses="p", has_points=True)):
+    for read in (
+        Elsewhere(photos="before", photo_count=1),
+        Elsewhere(photos="now", photo_count=2, poses="p", has_points=True),
+    ):
         tell_photographs(bucket, "hill", read)
     material = entry.material(told_photographs(bucket, "hill"))
     assert (material.photos, material.elsewhere) == (entry.photos, read)
@@ -129,6 +133,16 @@ def test_what_is_wrong_here_is_wrong_there(bucket: Bucket, here: Store, there: S
         scene: type(entry) for scene, entry in read_each(here).items()
     }
     assert all(isinstance(entry, Aug3dError) for entry in read_each(there).values())
+
+
+def test_a_file_whose_name_is_no_text_keeps_no_other_from_being_shared(
+    bucket: Bucket, here: Store, there: Store
+) -> None:
+    write_scene(here, "hill", SceneEntry(photos=None))
+    (here.root / "scenes" / os.fsdecode(b"h\xfcgel.yaml")).write_text("photos: null\n")
+    share(here, bucket, BOTH)
+    bring(there, bucket, BOTH)
+    assert [*read_each(there)] == ["hill"]
 
 
 def test_files_that_people_wrote_are_never_replaced(bucket: Bucket, here: Store, there: Store) -> None:
