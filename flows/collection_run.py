@@ -17,7 +17,7 @@ from aug3d_core.collections import page
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.flights import overlapping
-from aug3d_core.collections.made import make_collection, step_count
+from aug3d_core.collections.made import MadeCollection, make_collection, step_count
 from aug3d_core.collections.versions import (
     collection_metrics,
     held_back,
@@ -30,7 +30,7 @@ from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
 from aug3d_core.store.published import publish, published
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import share_version, write_metrics
+from aug3d_core.store.scenes import bring_report, share_version, write_metrics
 from aug3d_core.store.store import Store
 from flows.photographs import material_of
 from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED
@@ -48,6 +48,7 @@ def train_collection(
     """Make the scenes of a collection where something changed, train one model on them, and judge it on each.
 
     A scene that fails does not stop the others. The model is published unless a scene is worse than in the published version.
+    Where nothing changed since the newest version no other is written: that one is judged again.
     """
     store = Store(home())
     with run_lock(store.root), store.using():
@@ -67,27 +68,40 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
     )
     assert made.training
     newest, last = versions(store, name)[-1:], published(store, name, layout.COLLECTIONS)
-    objects = [list(item) for item in made.objects]
-    if last and newest == [last] and version_metrics(last)["objects"] == objects:
-        why = "" if (last / layout.TOLD).exists() else _told(store, last, made.training, published=True)
-        return Completed(name=UNCHANGED, message=f"nothing changed since {last.name}, which is published{why}")
-    seconds = time.monotonic() - started
-    metrics = collection_metrics(name, made, overlapping(store, made.members), code_version(), seconds)
-    version = new_version(store, name)
-    page.write(store, metrics, made, version / layout.REPORT)
-    write_metrics(version, metrics)
-    share_version(store, version, made.objects)
+    if newest and version_metrics(newest[0])["objects"] == [list(item) for item in made.objects]:
+        version = newest[0]
+    else:
+        version = _written(store, name, made, time.monotonic() - started)
+    metrics, told = version_metrics(version), version / layout.TOLD
     against = held_back(metrics, version_metrics(last) if last else None, entry.publish.most_psnr_drop_db)
-    if not against:
-        publish(store, version)
-    ending = _told(store, version, made.training, published=not against)
+    publishes = version != last and not against
+    if publishes:
+        told.unlink(missing_ok=True)  # MLflow is to know that, too
+    ending = ""
+    if not told.exists():
+        share_version(store, version, made.objects)
+        if publishes:
+            publish(store, version)
+        ending = _told(store, version, made.training, published=not against)
+    if version == last:
+        return Completed(name=UNCHANGED, message=f"nothing changed since {last.name}, which is published{ending}")
     if against:
         return Failed(name=NOT_PUBLISHED, message=f"{version.name} is not published: {against}{ending}")
     return Completed(name=PUBLISHED, message=f"{version.name} is published: {_reached(metrics)}{ending}")
 
 
+def _written(store: Store, name: str, made: MadeCollection, seconds: float) -> Path:
+    """Write a version of what was made; return its folder."""
+    metrics = collection_metrics(name, made, overlapping(store, made.members), code_version(), seconds)
+    version = new_version(store, name)
+    page.write(store, metrics, made, version / layout.REPORT)
+    write_metrics(version, metrics)
+    return version
+
+
 def _told(store: Store, version: Path, training: Record, published: bool) -> str:
     """Log a version to MLflow, and mark it so; returns what to add to a message where MLflow could not be used."""
+    bring_report(store, version)  # another machine may have made it
     if why := log_collection(store, version, training, published):
         return f"; {why}: the next training logs it"
     (version / layout.TOLD).touch()

@@ -26,11 +26,18 @@ from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import read_each, read_scene
 from aug3d_core.store import layout
 from aug3d_core.store.published import held_back, publish, published
-from aug3d_core.store.scenes import bring_versions, records_before, records_of, version_metrics
+from aug3d_core.store.scenes import (
+    bring_versions,
+    records_before,
+    records_of,
+    share_version,
+    step_objects,
+    version_metrics,
+)
 from aug3d_core.store.store import Store
 from aug3d_core.store.traffic import Traffic
 from flows.ends import AT_ONCE, ends_of
-from flows.factory import beside_published, make_version
+from flows.factory import beside_published, make_version, tell
 from flows.photographs import material_of
 from flows.plan import made_of_the_same
 from flows.preflight import check_weights
@@ -69,6 +76,8 @@ def regenerate(
         plan = list(planned(store, material, settings))
         if newest := made_of_the_same(store, scene, plan):
             metrics = version_metrics(newest)
+            if not (newest / layout.TOLD).exists():
+                tell(store, newest, metrics)
             artifacts.publish_changes(scene, None)
             if published(store, scene) == newest:
                 return Completed(name=UNCHANGED, message=f"nothing changed since {newest.name}, which is published")
@@ -169,6 +178,7 @@ def _publish(store: Store, scene: str, entry: SceneEntry, settings: SceneConfig,
     if settings != entry.config():
         why = "its settings differ from those in the scene's file"
         return Completed(name=TRIED, message=f"{version.name} reaches {reached}; not published: {why}")
+    share_version(store, version, step_objects(metrics).values())  # it may be older than the shared store
     publish(store, version)
     publish_model(store, scene, version.name)
     return Completed(name=PUBLISHED, message=f"{version.name} is published: {reached}")

@@ -18,7 +18,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
-from aug3d_core.store.scenes import masked, mlflow_address, records_of, version_metrics
+from aug3d_core.store.scenes import bring_report, masked, mlflow_address, records_of, version_metrics
 from aug3d_core.store.store import Store
 from tasks.mlflow_client import mlflow_client
 from tasks.mlflow_outbox import Entry, my_turn, put, waiting
@@ -136,6 +136,7 @@ def _send(store: Store, client: MlflowClient, entry: Entry) -> Run | None:
     experiment = experiment_id(client, store.root, entry.scene)
     run = _whole_run(client, experiment, entry.version)
     if run is None:
+        bring_report(store, version)  # another machine may have made it
         run = log_version(client, store, experiment, version, metrics, records_of(store, metrics))
     if entry.publish:
         name_published(client, metrics)

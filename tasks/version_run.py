@@ -38,7 +38,8 @@ def log_version(
 ) -> Run:
     """Log a version: settings, headline figures, report, pictures, data set and model; and each of its steps.
 
-    `records` holds what was made, by step. The run is ended last: one that still counts as running is not whole.
+    `records` holds what was made, by step. Without a report, which may be gone, the run's description says so. The run is
+    ended last: one that still counts as running is not whole.
     """
     end_ms = int((version / layout.METRICS).stat().st_mtime * 1000)
     start_ms = end_ms - int(metrics["seconds"] * 1000)
@@ -50,8 +51,9 @@ def log_version(
     _log_batches(client, run_id, settings_of(records) | needs_params(metrics), points)
     if "dataset" in records:
         client.log_inputs(run_id, [_data_set(store, metrics["scene"], records["dataset"])])
-    for file in (layout.REPORT, layout.METRICS):
-        client.log_artifact(run_id, str(version / file))
+    for file in (version / layout.REPORT, version / layout.METRICS):
+        if file.exists():
+            client.log_artifact(run_id, str(file))
     for step in (step for step in _SHOWN if step in records):
         _log_pictures(client, run_id, store, records[step], step)
     begin_ms = start_ms + 1  # MLflow lists runs by when they began: the version's before those of its steps
@@ -134,10 +136,10 @@ def _tags(version: Path, metrics: Mapping[str, Any]) -> dict[str, str]:
     tags |= {f"flow_run.{name}": str(value) for name, value in metrics.get("flow_run", {}).items()}
     if nvs := metrics.get("nvs"):
         tags |= {name: str(nvs[name]) for name in ("test_photos", "conventions") if nvs.get(name)}
-    return tags | {MLFLOW_RUN_NOTE: _description(metrics)}
+    return tags | {MLFLOW_RUN_NOTE: _description(version, metrics)}
 
 
-def _description(metrics: Mapping[str, Any]) -> str:
+def _description(version: Path, metrics: Mapping[str, Any]) -> str:
     """Say in a few lines what came of the run."""
     lines = [f"**{metrics['scene']}**, preset {metrics['preset']}: {metrics['state']}"]
     if nvs := metrics.get("nvs"):
@@ -149,6 +151,8 @@ def _description(metrics: Mapping[str, Any]) -> str:
         lines.append(f"Cheap answers, dB: {', '.join(cheap)}")
     if failure := metrics.get("failure"):
         lines.append(f"Failed: {failure['problem']}\n\n{failure['remedy']}")
+    if not (version / layout.REPORT).exists():
+        lines.append(f"Without its report: {version / layout.REPORT} is gone")
     computed = [step for step, figures in metrics["stages"].items() if not figures["cached"]]
     lines.append(f"Computed: {', '.join(computed) or 'nothing, all was cached'}")
     lines += [f"{step}: {note}" for step, figures in metrics["stages"].items() for note in figures["notes"]]

@@ -9,14 +9,12 @@ from typing import Any
 from aug3d_core.collections.made import HOLD_OUT, MadeCollection
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.published import RULES, published
+from aug3d_core.store.published import RULES, psnr_fell, published
 from aug3d_core.store.record import Record
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import metrics_fault, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
-
-_NVS = "test_psnr_mean"
 
 
 def new_version(store: Store, name: str) -> Path:
@@ -81,12 +79,8 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
             continue  # it was taken out of the collection
         if any(now.get(rule) != then.get(rule) for rule in RULES):
             continue
-        drop_db = then[_NVS] - now[_NVS]
-        if drop_db > most_psnr_drop_db:
-            return (
-                f"{data}: PSNR fell by {drop_db:.2f} dB, from {then[_NVS]:.2f} to {now[_NVS]:.2f} dB;"
-                f" at most {most_psnr_drop_db:g} dB may be lost"
-            )
+        if fell := psnr_fell(then["test_psnr_mean"], now["test_psnr_mean"], most_psnr_drop_db):
+            return f"{data}: {fell}"
     return None
 
 

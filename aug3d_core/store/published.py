@@ -14,7 +14,6 @@ from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.seal import sealed, unsealed
 from aug3d_core.store.store import Store
 
-_DELETE = "delete {}: the next good version is then published"
 RULES = ("test_photos", "conventions")  # what two scores must have in common to be compared
 
 
@@ -29,20 +28,20 @@ def published(store: Store, name: str, top: str = layout.SCENES) -> Path | None:
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{pointer} does not name a version", _DELETE.format("it")) from error
+        raise StoreError(f"{pointer} does not name a version", _delete(store, pointer)) from error
     version = pointer.parent / Path(str(told)).name
     if not (version / layout.METRICS).is_file():
         of = "scene" if top == layout.SCENES else "collection"
-        raise StoreError(f"the published version {told} of {of} {name!r} is gone", _DELETE.format(pointer))
+        raise StoreError(f"the published version {told} of {of} {name!r} is gone", _delete(store, pointer))
     return version
 
 
 def publish(store: Store, version: Path) -> None:
     """Name a complete version as the one to use; the one before stays on the disk until `aug3d gc`."""
-    pointer = version.parent / layout.PUBLISHED
-    write_synced(pointer, sealed({"version": version.name}))
+    pointer, content = version.parent / layout.PUBLISHED, sealed({"version": version.name})
     if store.shared is not None:
-        store.shared.share_pointer(pointer)
+        store.shared.share_pointer(pointer, content)  # first: a version that is published here counts as done
+    write_synced(pointer, content)
 
 
 def names(pointer: Path, version: Path) -> bool:
@@ -72,10 +71,21 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
         return (
             "it is degraded, the published version is ok, and their scores are of other photographs" if worse else None
         )
-    drop_db = then["test_psnr_mean"] - now["test_psnr_mean"]
+    return psnr_fell(then["test_psnr_mean"], now["test_psnr_mean"], most_psnr_drop_db)
+
+
+def psnr_fell(then_db: float, now_db: float, most_psnr_drop_db: float) -> str | None:
+    """Return by how much the PSNR of a test fell where that is more than may be lost, None otherwise."""
+    drop_db = then_db - now_db
     if drop_db > most_psnr_drop_db:
         return (
-            f"PSNR fell by {drop_db:.2f} dB, from {then['test_psnr_mean']:.2f} to {now['test_psnr_mean']:.2f} dB;"
+            f"PSNR fell by {drop_db:.2f} dB, from {then_db:.2f} to {now_db:.2f} dB;"
             f" at most {most_psnr_drop_db:g} dB may be lost"
         )
     return None
+
+
+def _delete(store: Store, pointer: Path) -> str:
+    """Return what to do about a pointer; the one in a shared store would come here again."""
+    there = f"{store.shared.bucket.url}/{pointer.relative_to(store.root).as_posix()} and " if store.shared else ""
+    return f"delete {there}{pointer}: the next good version is then published"

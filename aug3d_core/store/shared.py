@@ -130,12 +130,15 @@ class Shared:
         return (folder / _IS_SHARED).stat().st_mtime_ns
 
     def share_version(self, version: Path) -> None:
-        """Put a version where all machines see it; from then on it counts for them."""
+        """Put a version where all machines see it, unless it is there; from then on it counts for them."""
         at = f"{version.parent.parent.name}/{version.parent.name}/{version.name}"
+        metrics = (version / layout.METRICS).read_bytes()
+        if self.bucket.holds(f"{at}/{layout.METRICS}", metrics):
+            return
         files = sorted(path.relative_to(version).as_posix() for path in version.rglob("*") if path.is_file())
-        for name in sorted(set(files) - {layout.METRICS}):
+        for name in sorted(set(files) - {layout.METRICS, layout.TOLD}):
             self.bucket.put(f"{at}/{name}", version / name)
-        if not self.bucket.create(f"{at}/{layout.METRICS}", (version / layout.METRICS).read_bytes()):
+        if not self.bucket.create(f"{at}/{layout.METRICS}", metrics):
             raise StoreError(
                 f"another version is at {self.bucket.url}/{at}", "run again: the version gets a name of its own"
             )
@@ -145,9 +148,9 @@ class Shared:
         findings = study / layout.STUDY_FINDINGS
         self.bucket.put(self._of(findings), findings)
 
-    def share_pointer(self, pointer: Path) -> None:
+    def share_pointer(self, pointer: Path, content: bytes) -> None:
         """Put the pointer to a published version where all machines see it; the last one counts."""
-        self.bucket.put(f"{pointer.parent.parent.name}/{pointer.parent.name}/{pointer.name}", pointer)
+        self.bucket.put(f"{pointer.parent.parent.name}/{pointer.parent.name}/{pointer.name}", content)
 
     def bring_versions(self, top: Path, scene: str | None = None) -> None:
         """Bring the versions of a scene, or of all, that this machine lacks, and what is published.

@@ -13,10 +13,13 @@ from typing import Any
 
 import pytest
 
+from aug3d_core.run.errors import StoreError
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.scene_files.files import scene_file, write_scene
 from aug3d_core.store import layout
+from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.published import published
+from aug3d_core.store.scenes import bring_versions, records_of, version_metrics
 from aug3d_core.store.store import Store
 from tests.flows.stand_in import FEW, Stages, make_of_few
 
@@ -118,6 +121,51 @@ def test_a_home_that_was_moved_publishes_its_own_versions(
     now = published(Store(moved), "little")
     assert now is not None and now.is_relative_to(moved)
     assert store.root.exists() == old_stays and (not old_stays or published(store, "little") is None)
+
+
+def seen_elsewhere(store: Store) -> Path | None:
+    """Return the published version as a machine that made nothing sees it."""
+    other = Store(store.root.parent / "elsewhere")
+    bring_versions(other, "little")
+    return published(other, "little")
+
+
+def test_a_version_that_other_machines_were_not_told_of_is_told_before_it_is_published(
+    stages: Stages, store: Store, shared: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def away(*_: object) -> None:
+        raise StoreError("the shared store is away", "wait")
+
+    entry = add_scene(store, "little")
+    with monkeypatch.context() as patched:
+        patched.setattr("flows.factory.share_version", away)
+        assert end_of("little", entry).is_failed() and versions(store, "little") == 1
+    assert seen_elsewhere(store) is None
+    assert end_of("little", entry).name == "Published" and versions(store, "little") == 1
+    version = published(Store(store.root), "little")
+    assert version and (version / layout.TOLD).exists()
+    there = seen_elsewhere(store)
+    assert there and there.name == version.name
+
+    (version / layout.TOLD).unlink()  # others once got the pointer alone
+    Bucket(shared).delete(Bucket(shared).names(f"scenes/little/{version.name}/"))
+    assert end_of("little", entry).name == "Unchanged"
+    assert Bucket(shared).has(f"scenes/little/{version.name}/{layout.METRICS}")
+
+
+def test_a_version_older_than_the_shared_store_is_shared_when_it_is_published(
+    stages: Stages, store: Store, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = add_scene(store, "little")
+    assert end_of("little", entry).name == "Published"
+    (store.root / layout.SCENES / "little" / layout.PUBLISHED).unlink()
+    monkeypatch.setenv("AUG3D_STORE", bucket)
+    assert end_of("little", entry).name == "Published"
+    there = seen_elsewhere(store)
+    assert there and versions(store, "little") == 1
+    files = Bucket(bucket).names(f"scenes/little/{there.name}/")
+    assert {Path(name).name for name in files} == {layout.METRICS, layout.REPORT}
+    assert set(records_of(Store(there.parents[2]), version_metrics(there))) == {stage.name for stage in FEW}
 
 
 @pytest.fixture

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
+from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.published import RULES, held_back, publish, published
-from aug3d_core.store.scenes import new_version, write_metrics
+from aug3d_core.store.scenes import bring_versions, new_version, write_metrics
+from aug3d_core.store.seal import sealed
 from aug3d_core.store.store import Store
 
 
@@ -51,8 +53,37 @@ def test_a_torn_pointer_says_what_to_do(tmp_path: Path, content: str) -> None:
     store = Store(tmp_path)
     (store.root / layout.SCENES / "town").mkdir()
     (store.root / layout.SCENES / "town" / layout.PUBLISHED).write_text(content)
-    with pytest.raises(StoreError, match=r"published\.json.*\n.*delete it"):
+    with pytest.raises(StoreError, match=r"published\.json does not.*\n.*delete /.*published\.json:"):
         published(store, "town")
+
+
+def test_a_pointer_in_a_shared_store_is_named_where_its_version_is_gone(tmp_path: Path, shared: str) -> None:
+    store, pointer = Store(tmp_path), sealed({"version": "2026-01-01"})
+    Bucket(shared).put(f"scenes/town/{layout.PUBLISHED}", pointer)
+    bring_versions(store, "town")
+    with pytest.raises(StoreError) as caught:
+        published(store, "town")
+    here = store.root / layout.SCENES / "town" / layout.PUBLISHED
+    assert f"delete {shared}/scenes/town/published.json and {here}:" in caught.value.remedy
+    Bucket(shared).delete([f"scenes/town/{layout.PUBLISHED}"])
+    here.unlink()
+    bring_versions(store, "town")
+    assert published(store, "town") is None
+
+
+def test_a_version_that_other_machines_cannot_be_told_of_is_not_published_here(
+    tmp_path: Path, shared: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, version = Store(tmp_path), new_version(Store(tmp_path), "town")
+    write_metrics(version, scored(20.0))
+
+    def away(*_: object) -> None:
+        raise StoreError("away", "wait")
+
+    monkeypatch.setattr(Bucket, "put", away)
+    with pytest.raises(StoreError, match="away"):
+        publish(store, version)
+    assert published(store, "town") is None
 
 
 @given(st.floats(5, 50), st.floats(5, 50), st.floats(0, 3))

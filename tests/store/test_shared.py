@@ -163,6 +163,10 @@ def test_versions_and_what_is_published_are_seen_by_all(tmp_path: Path, shared: 
     assert (found / layout.REPORT).read_text() == "<p>a report"
     assert version_metrics(found)["state"] == "ok"
     assert published(other, "hill") == found
+    for store, there in ((maker, version), (other, found)):
+        before = store.traffic()
+        share_version(store, there, [])
+        assert store.traffic().since(before).requests == {"head": 1}, "it is there already"
 
 
 def test_names_from_the_store_stay_in_their_folder(tmp_path: Path, shared: str) -> None:

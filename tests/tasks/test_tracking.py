@@ -17,7 +17,14 @@ from mlflow.tracking import MlflowClient
 
 from aug3d_core.run.errors import InputError, StoreError
 from aug3d_core.store import layout
-from aug3d_core.store.scenes import version_metrics, version_paths, write_metrics
+from aug3d_core.store.scenes import (
+    bring_versions,
+    share_version,
+    step_objects,
+    version_metrics,
+    version_paths,
+    write_metrics,
+)
 from aug3d_core.store.store import Store
 from tasks.mlflow_outbox import Entry, put, waiting
 from tests.tasks.logged import version
@@ -249,11 +256,36 @@ def test_a_version_that_mlflow_refuses_does_not_hold_up_the_next(
     tmp_path: Path, client: MlflowClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bad, good = version(tmp_path), version(tmp_path, "b")
-    (bad / layout.REPORT).unlink()
+    metrics = version_metrics(bad)
+    metrics["stages"]["training"]["metrics"]["no name?"] = 1.0
+    write_metrics(bad, metrics)
     put(Store(tmp_path), Entry(scene="town", version=bad.name))
     logged = log(good)
     assert logged.run_id and bad.name in logged.waiting
     assert [entry.version for _, entry in waiting(Store(tmp_path))] == [bad.name]
+
+
+def test_a_version_of_another_machine_is_logged_with_its_report(
+    tmp_path: Path, client: MlflowClient, shared: str
+) -> None:
+    from tasks.tracking import publish_model
+
+    made = version(tmp_path / "maker")
+    share_version(Store(tmp_path / "maker"), made, step_objects(version_metrics(made)).values())
+    bring_versions(Store(tmp_path))
+    logged = publish_model(Store(tmp_path), "town", made.name)
+    files = {file.path for file in client.list_artifacts(logged.run_id)}
+    assert files == {"report.html", "metrics.json", "evaluation", "model"} and waiting(Store(tmp_path)) == []
+
+
+@pytest.mark.usefixtures("either")
+def test_a_version_whose_report_is_gone_is_logged_without_it(tmp_path: Path, client: MlflowClient) -> None:
+    folder = version(tmp_path)
+    (folder / layout.REPORT).unlink()
+    run = client.get_run(log(folder).run_id)
+    assert "report.html" not in {file.path for file in client.list_artifacts(run.info.run_id)}
+    assert f"Without its report: {folder / layout.REPORT} is gone" in run.data.tags["mlflow.note.content"]
+    assert waiting(Store(tmp_path)) == []
 
 
 def test_a_version_that_is_gone_is_dropped_and_a_file_that_is_no_entry_is_passed_over(
