@@ -23,6 +23,7 @@ from aug3d_core.report.reads import read_of
 from aug3d_core.report.scene_report import write_report
 from aug3d_core.run.errors import Aug3dError, DiskFull, StageFailed
 from aug3d_core.run.full_disk import disk_full
+from aug3d_core.run.progress import failures_logged
 from aug3d_core.store import layout
 from aug3d_core.store.changes import why_made
 from aug3d_core.store.code_version import code_version
@@ -92,7 +93,8 @@ def make_version(
         for visit in walk(store, material.stages(), config, material, make, plan=known, before=before):
             made.append(visit)
             progress.finished(visit)
-            artifacts.publish(store, visit)
+            with failures_logged():
+                artifacts.publish(store, visit)
     except Aug3dError as error:
         if isinstance(error, DiskFull) or (isinstance(error, StageFailed) and error.cause == "disk"):
             done = {visit.step.name for visit in made}
@@ -151,11 +153,16 @@ def _conclude(
         metrics["shared_store"] = store.traffic().since(since).told()  # but for the version itself, which is put last
     write_report(files, metrics, version / layout.REPORT, beside_published(store, metrics, records))
     write_metrics(version, metrics)
+    tell(store, version, metrics)
+    return metrics
+
+
+def tell(store: Store, version: Path, metrics: dict[str, Any]) -> None:
+    """Give a version that is written to other machines and to MLflow; a run that is killed before leaves it to the next."""
     share_version(store, version, step_objects(metrics).values())
     metrics["mlflow"] = asdict(log_run(store.root, version))
     artifacts.publish_links(metrics)
     (version / layout.TOLD).touch()
-    return metrics
 
 
 def _files(store: Store, record: Record) -> Path:
