@@ -37,7 +37,7 @@ from flows.scenes import any_given, checked_options, schedule_of
 from flows.server import prefect_server
 from flows.settings import HOME as HOME_VARIABLE
 from flows.settings import OURS, apply_local_environment
-from flows.summary import program
+from flows.summary import command
 
 if TYPE_CHECKING:
     from aug3d_core.factory.walk import Visit
@@ -105,7 +105,7 @@ def add(
             print(json.dumps({"file": str(file), **_facts(store, name, entry)}, indent=1))
         else:
             print(f"{name} is a collection: {file}")
-            print(f"\nnext  {program('aug3d')} collections train {name}")
+            print(f"\nnext  {command(home, 'collections', 'train', name)}")
 
 
 @collections.command("list")
@@ -118,9 +118,8 @@ def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
             print(json.dumps(facts, indent=1))
             return
         if not facts:
-            print(
-                f"no collection yet; {program('aug3d')} collections add NAME --train SCENE --hold-out SCENE --towns 30"
-            )
+            parts = ("--train", "SCENE", "--hold-out", "SCENE", "--towns", "30")
+            print(f"no collection yet; {command(home, 'collections', 'add', 'NAME', *parts)}")
             return
         table = Table("collection", "train", "hold out", "towns", "versions", "published", "trouble")
         for one in facts:
@@ -153,7 +152,7 @@ def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
         print(f"  trained on  {', '.join(entry.train) or '-'}{f', {entry.towns} towns' if entry.towns else ''}")
         print(f"  held out    {', '.join(entry.hold_out) or '-'}")
         if metrics is None:
-            print(f"\nnext  {program('aug3d')} collections train {name}")
+            print(f"\nnext  {command(home, 'collections', 'train', name)}")
         else:
             print_version(found[-1], metrics, published(store, name, layout.COLLECTIONS))
 
@@ -306,7 +305,8 @@ def towns(
             print(json.dumps(made, indent=1))
         else:
             print(f"{len(made)} towns of {sum(int(one['views']) for one in made)} views are in {store.root}")
-            print(f"\nnext  {program('aug3d')} collections add NAME --towns {count} --hold-out SCENE")
+            parts = ("--towns", str(count), "--hold-out", "SCENE")
+            print(f"\nnext  {command(home, 'collections', 'add', 'NAME', *parts)}")
         raise typer.Exit(0 if len(made) == count else 3)
 
 

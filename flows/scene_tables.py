@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from flows.summary import program
+from flows.summary import command
 
 _WIDTH = 140
 
 
-def print_scenes(console: Console, facts: list[dict[str, Any]], others: list[str]) -> None:
+def print_scenes(console: Console, facts: list[dict[str, Any]], others: list[str], home: Path) -> None:
     """Print a row for each scene, below it what is wrong with any of them, and scenes that only `aug3d run` knows."""
     _widen(console)
     if facts:
         console.print(_scenes_table(facts))
     else:
-        console.print(f"no scenes yet: {program('aug3d')} scenes add my_scene --photos DIR", highlight=False)
+        console.print(
+            f"no scenes yet: {command(home, 'scenes', 'add', 'my_scene', '--photos', 'DIR')}", highlight=False
+        )
     for fact in facts:
         if fact["problem"]:
             console.print(f"[red]{fact['state']}[/] {escape(fact['problem'])}", highlight=False, soft_wrap=True)

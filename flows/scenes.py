@@ -116,7 +116,7 @@ def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
         if as_json:
             print(json.dumps({"scenes": facts, "not_in_the_registry": others}, indent=1))
         else:
-            print_scenes(Console(), facts, others)
+            print_scenes(Console(), facts, others, home)
 
 
 @scenes.command("show")

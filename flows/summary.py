@@ -124,16 +124,16 @@ def _mlflow_pages(paths: Mapping[str, Any]) -> str:
     """
     _, _, _, home, *_ = Path(paths["metrics"]).parents
     own = paths["mlflow"] == f"sqlite:///{home / layout.MLFLOW_DATABASE}"
-    return shlex.join([program("aug3d"), "up", "--home", str(home)]) if own else paths["mlflow"]
+    return shlex.join([_program(), "up", "--home", str(home)]) if own else paths["mlflow"]
 
 
 def command(home: Path, *words: str | Path) -> str:
     """Return a command of aug3d for the user's shell; it names the home if the command would not find it by itself."""
     found = Path(os.environ.get(HOME) or _DEFAULT_HOME)
     where = [] if home.resolve() == found.resolve() else ["--home", str(home)]
-    return shlex.join([program("aug3d"), *map(str, words), *where])
+    return shlex.join([_program(), *map(str, words), *where])
 
 
-def program(name: str) -> str:
-    """Return how to call a program of this environment from the user's shell."""
-    return name if shutil.which(name) else str(Path(sys.executable).parent / name)
+def _program() -> str:
+    """Return how to call aug3d of this environment from the user's shell."""
+    return "aug3d" if shutil.which("aug3d") else str(Path(sys.executable).parent / "aug3d")

@@ -127,6 +127,18 @@ def test_show_tells_the_parts_and_how_good_the_model_is(store: Store) -> None:
     assert collections("show", "none").exit_code == 2
 
 
+def test_what_is_next_names_a_home_that_is_not_the_usual_one(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AUG3D_HOME", str(tmp_path / "another"))
+    there = ("--home", str(store.root))
+    for words in (("list",), ("add", "all", "--train", "north"), ("show", "all")):
+        assert f"--home {store.root}" in collections(*words, *there).output.replace("\n", " "), words
+    Store(tmp_path / "empty")
+    listed = CliRunner().invoke(app, ["scenes", "list", "--home", str(tmp_path / "empty")]).output
+    assert f"scenes add my_scene --photos DIR --home {tmp_path / 'empty'}" in listed.replace("\n", " ")
+
+
 def test_removing_asks_and_leaves_the_versions(store: Store) -> None:
     COLLECTIONS.add(store, "all", CollectionEntry(towns=1))
     version = trained(store, "all", far=21.0)
