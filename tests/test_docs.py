@@ -10,6 +10,7 @@ import pytest
 
 from aug3d_core.dataset.writer import arrays_of, write
 from aug3d_core.factory.reference import pages
+from aug3d_core.factory.stages import FROM_PHOTOS
 from tests.toy_scene import toy_scene
 
 ROOT = Path(__file__).parents[1]
@@ -24,6 +25,10 @@ def anchors(document: Path) -> set[str]:
     text = _CODE.sub("", document.read_text(encoding="utf-8"))
     titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-") for title in titles}
+
+
+def test_the_costs_of_many_scenes_count_the_stages_that_there_are() -> None:
+    assert f"O = {len(FROM_PHOTOS)} stages" in (ROOT / "docs" / "scale.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
