@@ -16,6 +16,7 @@ from typing import NoReturn
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
+from rasterio._err import CPLE_BaseError  # of GDAL's errors, which have no public name
 from rasterio.crs import CRS
 from rasterio.errors import CRSError
 from rasterio.warp import transform
@@ -24,7 +25,7 @@ from aug3d_core.geometry.geodesy import enu_from_geodetic, middle_of
 from aug3d_core.run.errors import InputError
 
 _CHECK = re.compile(r"ch(ec)?k", re.IGNORECASE)  # begins the name of a point that only judges
-_UTM = re.compile(r"WGS ?84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)
+_UTM = re.compile(r"WGS ?84\s+UTM\s+(0?[1-9]|[1-5]\d|60)\s*([NS])", re.IGNORECASE)
 _FORM = "Each line is: x y height pixel_x pixel_y photograph [point], separated by spaces or tabs."
 _FARTHEST_M = 20_000.0  # from the photographs' GPS, or the other points, without a mistake
 _SAME_M = 0.001
@@ -51,8 +52,8 @@ def read_control(file: Path, photos: pd.DataFrame) -> tuple[pd.DataFrame, tuple[
     cannot be read, cannot be right, or has no mark in any of the photographs, or none of them with a height.
     """
     crs, marks = _parsed(file)
-    _check_names(file, marks)
     rows = _rows(file, marks, photos["name"].tolist())
+    _check_names(file, marks, rows)
     used = [mark for mark in marks if mark.photo in rows and not math.isnan(mark.xyz[2])]
     if not any(mark.photo in rows for mark in marks):
         raise InputError(
@@ -148,15 +149,17 @@ def _mark(file: Path, line: int, text: str) -> Mark:
     return Mark(line, (x, y, height), (pixel[0], pixel[1]), fields[5], point)
 
 
-def _check_names(file: Path, marks: Sequence[Mark]) -> None:
-    """Refuse a name that stands for two places, and two marks of one point in one photograph."""
+def _check_names(file: Path, marks: Sequence[Mark], rows: dict[str, int]) -> None:
+    """Refuse a name that stands for two places, and two marks of one point in one photograph. rows: of photographs by name."""
     first: dict[str, Mark] = {}
-    marked: dict[tuple[str, str], Mark] = {}
+    marked: dict[tuple[str, str | int], Mark] = {}
     for mark in marks:
         known = first.setdefault(mark.point, mark)
-        if np.abs(np.subtract(known.xyz, mark.xyz)).max() > _SAME_M:  # never true of NaN
+        if (np.abs(np.subtract(known.xyz, mark.xyz)) > _SAME_M).any():  # never true of NaN
             _refuse(file, mark.line, f"{mark.point!r} is not where line {known.line} has it")
-        again = marked.setdefault((mark.point, mark.photo), mark)
+        if math.isnan(known.xyz[2]):
+            first[mark.point] = mark
+        again = marked.setdefault((mark.point, rows.get(mark.photo, mark.photo)), mark)
         if again is not mark:
             _refuse(file, mark.line, f"{mark.point!r} is marked in {mark.photo} already, by line {again.line}")
 
@@ -166,15 +169,16 @@ def _geodetic(file: Path, crs: CRS, marks: Sequence[Mark], photos: pd.DataFrame)
     xyz = np.array([mark.xyz for mark in marks]).reshape(-1, 3)
     places = _on_earth(crs, xyz)
     gps = photos[["lat_deg", "lon_deg"]].dropna().to_numpy(float)
-    among = middle_of(gps if len(gps) else places[:, :2])
+    known = gps if len(gps) else places[np.isfinite(places[:, :2]).all(axis=1), :2]
+    among = middle_of(known) if len(known) else np.full(2, np.nan)
     off_m = _distances_m(places, among)
     for mark, metres in zip(marks, off_m, strict=True):
         if not metres <= _FARTHEST_M:
-            where = f"{metres / 1000:,.0f} km from" if math.isfinite(metres) else "outside of its projection, far from"
+            far = f"{metres / 1000:,.0f} km from {'the GPS of the photographs' if len(gps) else 'the other points'}"
             _refuse(
                 file,
                 mark.line,
-                f"the point lies {where} {'the GPS of the photographs' if len(gps) else 'the other points'}",
+                f"the point lies {far if math.isfinite(metres) else 'outside of its projection'}",
                 _instead(crs, np.array([mark.xyz]), among) if len(gps) else "",
             )
     places[:, 2] *= _height_unit(crs)[1]
@@ -200,10 +204,13 @@ def _instead(crs: CRS, xyz: Float[np.ndarray, "1 3"], middle: Float[np.ndarray, 
     north = middle[0] >= 0
     zone = int((middle[1] + 180) // 6) % 60 + 1
     here = CRS.from_epsg((32600 if north else 32700) + zone)
-    zoned = f"the zone looks wrong: in WGS84 UTM {zone}{'N' if north else 'S'}"
+    named = f"in WGS84 UTM {zone}{'N' if north else 'S'}"
+    zoned = f"the zone looks wrong: {named}"
+    without_zone = xyz - np.array([zone * 1e6, 0, 0])
     tries += [
         (zoned, lambda: _on_earth(here, xyz)),
         (f"{zoned}, with x and y exchanged", lambda: _on_earth(here, xyz[:, [1, 0, 2]])),
+        (f"x begins with the zone: as {without_zone[0, 0]:.10g} {named}", lambda: _on_earth(here, without_zone)),
     ]
     for words, places in tries:
         if _distances_m(places(), middle)[0] <= _FARTHEST_M:
@@ -215,8 +222,10 @@ def _on_earth(crs: CRS, xyz: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3
     """Return latitude, longitude and the height as it stands; NaN for what the projection has no place for."""
     try:
         lon_lat_deg = transform(crs, _WGS84, xyz[:, 0], xyz[:, 1])[:2]
-    except (CRSError, ValueError):
-        lon_lat_deg = [np.full(len(xyz), np.nan)] * 2
+    except (CRSError, ValueError, CPLE_BaseError):
+        if len(xyz) > 1:  # one place that the projection does not have spoils all
+            return np.concatenate([_on_earth(crs, one) for one in xyz[:, None]])
+        lon_lat_deg = [[np.nan], [np.nan]]
     places = np.column_stack([*lon_lat_deg[::-1], xyz[:, 2]]).astype(float)
     places[~(np.abs(places[:, 0]) <= 90)] = np.nan
     return places

@@ -34,7 +34,10 @@ _MOST_DISAGREEMENT = 0.05  # RMS residual over the spread of the points
 
 @dataclass(frozen=True)
 class Marked:
-    """A point as photographs show it. rays: x / z and y / z in the camera. focal_px: of each camera."""
+    """A point as photographs show it. rays: x / z and y / z in the camera. focal_px: of each camera.
+
+    without_ray: lines of its marks that lie where the lens has no ray: beyond where its picture folds over.
+    """
 
     name: str
     check: bool
@@ -45,6 +48,7 @@ class Marked:
     focal_px: Float[np.ndarray, " m"]
     wrong_px: Float[np.ndarray, " m"]
     line: Int[np.ndarray, " m"]
+    without_ray: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,18 +100,21 @@ def marked_points(model: pycolmap.Reconstruction, control: pd.DataFrame) -> list
         marks = placed.loc[placed["point"] == name]
         shown = [images[photo] for photo in marks["photo_id"]]
         cameras = [model.camera(image.camera_id) for image in shown]
-        xy = marks[["x_px", "y_px"]].to_numpy(float)
+        xy, line = marks[["x_px", "y_px"]].to_numpy(float), marks["line"].to_numpy()
+        rays = np.concatenate([camera.cam_from_img(at[None]) for camera, at in zip(cameras, xy, strict=True)])
+        seen = np.isfinite(rays).all(axis=1)
         points.append(
             Marked(
                 name=name,
                 check=bool(marks["check"].iloc[0]),
                 geodetic=marks[["lat_deg", "lon_deg", "alt_m"]].iloc[0].to_numpy(float),
-                photo_id=marks["photo_id"].to_numpy(),
-                cam_from_model=np.stack([image.cam_from_world().matrix() for image in shown]),
-                rays=np.concatenate([camera.cam_from_img(at[None]) for camera, at in zip(cameras, xy, strict=True)]),
-                focal_px=np.array([camera.mean_focal_length() for camera in cameras]),
-                wrong_px=np.array([_WRONG_SHARE * max(camera.width, camera.height) for camera in cameras]),
-                line=marks["line"].to_numpy(),
+                photo_id=marks["photo_id"].to_numpy()[seen],
+                cam_from_model=np.stack([image.cam_from_world().matrix() for image in shown])[seen],
+                rays=rays[seen],
+                focal_px=np.array([camera.mean_focal_length() for camera in cameras])[seen],
+                wrong_px=np.array([_WRONG_SHARE * max(camera.width, camera.height) for camera in cameras])[seen],
+                line=line[seen],
+                without_ray=tuple(line[~seen].tolist()),
             )
         )
     return points
@@ -122,6 +129,11 @@ def survey(points: list[Marked]) -> Survey:
     """Find the points, and the world that they tell."""
     found, notes, wrong_lines = [], [], []
     for point in points:
+        wrong_lines += point.without_ray
+        notes += [
+            f"line {line} of the control points marks {point.name} where the lens has no ray: not used"
+            for line in point.without_ray
+        ]
         place, off_px, problem = located(point)
         if problem:
             notes.append(f"control point {point.name} is not used: {problem}")
@@ -182,7 +194,12 @@ def located(point: Marked) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "
     """Return where most rays meet, how far from it each mark is, and why that is not to be used, if so."""
     nowhere = np.full(3, np.nan), np.full(len(point.rays), np.nan)
     if len(point.rays) < 2:
-        return *nowhere, "only one photograph that has a pose shows it"
+        few = (
+            "fewer than two of its marks can be"
+            if point.without_ray
+            else "only one photograph that has a pose shows it"
+        )
+        return *nowhere, few
     best, least = None, np.inf
     for pair in combinations(range(0, len(point.rays), -(-len(point.rays) // _TRIED)), 2):
         place = _meeting(point.cam_from_model[list(pair)], point.rays[list(pair)])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pycolmap
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image
 
 from aug3d_core.geometry.masks import LEAST_USED, save_mask, used_pixels
@@ -17,6 +17,9 @@ from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from aug3d_core.sfm.falloff import Falloff, evened
+
+_RIMS = 64  # that are tried on each axis, where a lens folds the picture over
+_NEARBY_PX = 0.01  # between pixels whose order tells whether the picture is turned over
 
 
 @dataclass(frozen=True)
@@ -80,8 +83,49 @@ def to_arrays(model: pycolmap.Reconstruction) -> Arrays:
 
 
 def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
-    """Return the pinhole camera of the largest image without blank pixels."""
-    return pycolmap.undistort_camera(_options(), camera)
+    """Return the pinhole camera of the largest image without blank pixels, or pixels that the lens folds over."""
+    pinhole = pycolmap.undistort_camera(_options(), camera)
+    across, down = _folded_rim(camera, pinhole)
+    pinhole.width -= 2 * across
+    pinhole.height -= 2 * down
+    pinhole.params = pinhole.params - np.array([0, 0, across, down])
+    return pinhole
+
+
+def share_cut(camera: pycolmap.Camera) -> float:
+    """Return the share of a photograph that its undistorted image lacks because the lens folds the picture over; else 0."""
+    if not any(_folded_rim(camera, pycolmap.undistort_camera(_options(), camera))):
+        return 0.0
+    pinhole = undistorted_camera(camera)
+    at = (np.arange(_RIMS) + 0.5) / _RIMS
+    rays = camera.cam_from_img(np.stack(np.meshgrid(at * camera.width, at * camera.height), axis=-1).reshape(-1, 2))
+    xy = rays * pinhole.params[:2] + pinhole.params[2:]
+    return 1 - float(((xy >= 0) & (xy <= [pinhole.width, pinhole.height])).all(axis=1).mean())
+
+
+def _folded_rim(camera: pycolmap.Camera, pinhole: pycolmap.Camera) -> tuple[int, int]:
+    """Return how many pixels to cut off at the left and right, and at the top and bottom, of COLMAP's undistorted image.
+
+    The model of a wide lens may turn back before the edge of the frame: what comes beyond would show the inside again,
+    mirrored. What is left is the largest centred image without such pixels.
+    """
+    size = (pinhole.width, pinhole.height)
+    rims = [np.arange(_RIMS) * side // (2 * _RIMS) for side in size]
+    x, y = (np.concatenate([rim, (side - rim)[::-1]]) for rim, side in zip(rims, size, strict=True))
+    xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(float)
+
+    def shown(moved: list[float]) -> Float[np.ndarray, "n 2"]:
+        rays = (xy + moved - pinhole.params[2:]) / pinhole.params[:2]
+        return np.asarray(camera.img_from_cam(np.column_stack([rays, np.ones(len(rays))])))
+
+    here, right, below = (shown(moved) for moved in ([0.0, 0.0], [_NEARBY_PX, 0.0], [0.0, _NEARBY_PX]))
+    upright = (np.linalg.det(np.stack([right - here, below - here], axis=1)) > 0).reshape(len(y), len(x))
+    upright = upright & upright[::-1]
+    inner = (upright & upright[:, ::-1])[:_RIMS, :_RIMS][::-1, ::-1]  # the middle first
+    whole = np.logical_and.accumulate(np.logical_and.accumulate(inner, axis=0), axis=1)[::-1, ::-1]
+    area = np.multiply.outer(size[1] - 2 * rims[1], size[0] - 2 * rims[0])
+    row, column = np.unravel_index(np.argmax(whole * area), area.shape)
+    return int(rims[0][column]), int(rims[1][row])
 
 
 def write_undistorted(
@@ -107,8 +151,7 @@ def write_undistorted(
             continue
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
-        undistorted, _ = pycolmap.undistort_image(_options(), bitmap, model.camera(image.camera_id))
-        pixels = undistorted.to_array()
+        pixels = _undistorted(bitmap, model.camera(image.camera_id))
         if image.camera_id in gains:
             pixels = evened(pixels, gains[image.camera_id])
         Image.fromarray(pixels).save(out / image_name(photo_id(image)), compress_level=1)
@@ -120,8 +163,15 @@ def write_undistorted_masks(model: pycolmap.Reconstruction, masks: Path, out: Pa
         used = used_pixels(masks / image.name)
         if used is not None:
             grey = pycolmap.Bitmap.from_array(np.where(used, np.uint8(255), np.uint8(0)))
-            undistorted, _ = pycolmap.undistort_image(_options(), grey, model.camera(image.camera_id))
-            save_mask(undistorted.to_array() >= LEAST_USED, out / image_name(photo_id(image)))
+            shown = _undistorted(grey, model.camera(image.camera_id))
+            save_mask(shown >= LEAST_USED, out / image_name(photo_id(image)))
+
+
+def _undistorted(bitmap: pycolmap.Bitmap, camera: pycolmap.Camera) -> UInt8[np.ndarray, "h w *c"]:
+    """Return what the undistorted camera shows."""
+    undistorted, pinhole = pycolmap.undistort_image(_options(), bitmap, camera)
+    across, down = _folded_rim(camera, pinhole)
+    return undistorted.to_array()[down : pinhole.height - down, across : pinhole.width - across]
 
 
 def _options() -> pycolmap.UndistortCameraOptions:

@@ -27,7 +27,14 @@ from aug3d_core.sfm.given_model import matched_keypoints, triangulated, with_giv
 from aug3d_core.sfm.mapping import SMALLEST_MODEL
 from aug3d_core.sfm.rolling_shutter import measure_rolling_shutter, shutter_metrics, shutter_notes
 from aug3d_core.sfm.unplaced import listed
-from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
+from aug3d_core.sfm.write import (
+    align_model,
+    alignment_notes,
+    flight_doming,
+    lens_notes,
+    model_metrics,
+    write_outputs,
+)
 
 _LEAST_DETAIL = 0.5  # correlation; `agreement.py` says what right and wrong photographs have
 _LEAST_FITTING = 0.2  # share; right poses: 0.42 and more on brighton_beach, 0.55 on the town; shuffled ones: 0.07
@@ -84,7 +91,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     return Outcome(
         metrics=metrics,
         state="degraded" if few or refused or loose or read or located.problem or (doming and doming.flagged) else "ok",
-        notes=notes + alignment_notes(located) + (doming.notes if doming else ()),
+        notes=notes + alignment_notes(located) + lens_notes(model, photos) + (doming.notes if doming else ()),
         pictures={"Points and cameras from above": SFM_MAP},
         decisions=tuple(sfm_decisions(metrics)),
     )

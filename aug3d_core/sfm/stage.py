@@ -28,7 +28,14 @@ from aug3d_core.sfm.matching_table import read_matching_table
 from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_baseline
 from aug3d_core.sfm.rolling_shutter import measure_rolling_shutter, shutter_metrics, shutter_notes
 from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
-from aug3d_core.sfm.write import align_model, alignment_notes, flight_doming, model_metrics, write_outputs
+from aug3d_core.sfm.write import (
+    align_model,
+    alignment_notes,
+    flight_doming,
+    lens_notes,
+    model_metrics,
+    write_outputs,
+)
 
 MAPPING = "mapping"  # while the stage works
 _LEAST_PLACED = 0.8
@@ -110,6 +117,7 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         notes=(
             *unplaced_notes(unplaced, len(photos)),
             *alignment_notes(located),
+            *lens_notes(chosen.model, photos),
             *(doming.notes if doming else ()),
             *doubts,
             *(() if mapped.mapper == "incremental" else (f"mapped by the {mapped.mapper} mapper: {mapped.reason}",)),

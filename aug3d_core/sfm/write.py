@@ -259,6 +259,17 @@ def alignment_notes(located: Located) -> tuple[str, ...]:
     return notes + _gps_notes(located.alignment)
 
 
+def lens_notes(model: pycolmap.Reconstruction, photos: pd.DataFrame) -> tuple[str, ...]:
+    """Say how much undistorted photographs lack of lenses that fold the picture over. photos: the whole table."""
+    a_photo = {image.camera_id: export.photo_id(image) for image in export.registered(model)}
+    cut = {one: share for one in sorted(a_photo) if (share := export.share_cut(model.camera(one)))}
+    return tuple(
+        f"the lens of {photos['camera'].iloc[a_photo[one]]} ({model.camera(one).model_name}) folds the picture over before the "
+        f"edge of the frame: {100 * share:.0f} % of each photograph, the rim, is cut off"
+        for one, share in cut.items()
+    )
+
+
 def _gps_notes(alignment: Alignment) -> tuple[str, ...]:
     if alignment.problem:
         return (f"GPS is not used, the scale is nominal: {alignment.problem}",)

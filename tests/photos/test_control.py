@@ -112,6 +112,12 @@ def test_a_list_without_any_height_in_these_photographs_is_refused(tmp_path: Pat
         ),
         ((mark(), mark(x=EAST + 1, more="1 1 img_1.jpg A")), r"line 3: 'A' is not where line 2 has it"),
         ((mark(), mark()), r"line 3: 'A' is marked in img_0.jpg already, by line 2"),
+        ((mark(more="1 1 flight/img_0.jpg A"), mark()), r"line 3: 'A' is marked in img_0.jpg already, by line 2"),
+        ((mark(height=np.nan), mark(x=EAST + 1, more="1 1 img_1.jpg A")), r"line 3: 'A' is not where line 2 has it"),
+        (
+            (mark(height=np.nan), mark(more="1 1 img_1.jpg A"), mark(height=101, more="1 1 img_2.jpg A")),
+            r"line 4: 'A' is not where line 3 has it",
+        ),
         ((mark(more="400 300 other.jpg A"),), r"names none of the photographs: line 2 has 'other.jpg'"),
         ((), "has no point"),
     ],
@@ -171,6 +177,11 @@ def test_heights_over_a_plane_in_feet(tmp_path: Path, first: str, height_m: floa
         ("WGS84 UTM 34S", EAST, NORTH, "the zone looks wrong: in WGS84 UTM 34N it"),
         ("WGS84 UTM 35N", NORTH, EAST, "in WGS84 UTM 34N, with x and y exchanged it"),
         ("EPSG:4326", 52.2, 21.0, "x and y look exchanged"),
+        ("EPSG:4326", EAST, NORTH, "the zone looks wrong: in WGS84 UTM 34N it lies among them"),
+        (UTM, 34_000_000 + EAST, NORTH, "x begins with the zone: as 500000 in WGS84 UTM 34N it lies among them"),
+        (UTM, EAST * 100, NORTH, "Each line is"),
+        (UTM, EAST * 1000, NORTH * 1000, "Each line is"),
+        ('LOCAL_CS["site",UNIT["m",1]]', EAST, NORTH, "in WGS84 UTM 34N it lies among them"),
         (UTM, EAST + 100_000, NORTH, "Each line is"),
     ],
 )
@@ -190,6 +201,19 @@ def test_without_gps_points_are_held_against_each_other(tmp_path: Path) -> None:
     assert len(table) == 2
 
 
+@pytest.mark.parametrize("gps", [True, False])
+def test_a_point_that_its_projection_does_not_have_is_told_with_its_own_line(tmp_path: Path, gps: bool) -> None:
+    lines = [mark(), mark(EAST + 9, more="1 1 img_0.jpg B"), mark(EAST * 1e4, more="1 1 img_0.jpg C")]
+    with pytest.raises(InputError, match="line 4: the point lies outside of its projection"):
+        read_control(listed(tmp_path, *lines), photos() if gps else photos(np.nan, np.nan))
+
+
+def test_a_projection_that_has_none_of_the_points_is_told(tmp_path: Path) -> None:
+    file = listed(tmp_path, mark(), first='LOCAL_CS["site",UNIT["m",1]]')
+    with pytest.raises(InputError, match="line 2: the point lies outside of its projection"):
+        read_control(file, photos(np.nan, np.nan))
+
+
 @pytest.mark.parametrize(
     ("content", "told"), [(b"", "is empty"), (b"\xff\xfe\x00", "cannot be read"), (b"Mars 7\n1 2\n", "line 2")]
 )
@@ -199,6 +223,7 @@ def test_a_file_that_is_none(tmp_path: Path, content: bytes, told: str) -> None:
         read_control(tmp_path / "gcp_list.txt", photos())
 
 
-def test_a_projection_that_is_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="line 1: 'Mars 7' is no projection"):
-        read_control(listed(tmp_path, mark(), first="Mars 7"), photos())
+@pytest.mark.parametrize("first", ["Mars 7", "WGS84 UTM 0N", "WGS84 UTM 61N"])
+def test_a_projection_that_is_none(tmp_path: Path, first: str) -> None:
+    with pytest.raises(InputError, match=f"line 1: '{first}' is no projection"):
+        read_control(listed(tmp_path, mark(), first=first), photos())

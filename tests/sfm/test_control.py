@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
+import pycolmap
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from aug3d_core.geometry.geodesy import geodetic_from_enu
-from aug3d_core.geometry.transforms import apply, centres
+from aug3d_core.geometry.transforms import apply, centres, look_at
+from aug3d_core.photos.files import image_name
 from aug3d_core.sfm.align import align_to_control
-from aug3d_core.sfm.control import Marked, Survey, survey
+from aug3d_core.sfm.control import Marked, Survey, marked_points, survey
 from tests.sfm.test_align import HEIGHT_M, Flight
 
 ORIGIN = np.array([52.2, 21.0, 110.0])
@@ -155,3 +158,45 @@ def test_the_ground_is_put_to_zero_and_its_height_kept() -> None:
     assert told.origin[2] + alignment.up_offset_m == pytest.approx(ORIGIN[2], abs=0.3)
     np.testing.assert_allclose(alignment.residual_m, 5, atol=0.02)
     assert alignment.metric and alignment.up_from == "control"
+
+
+def folding_lens() -> tuple[pycolmap.Reconstruction, pd.DataFrame]:
+    """Return six photographs whose lens has no ray in the corners, and marks of four points of these."""
+    model, marks = pycolmap.Reconstruction(), []
+    camera = pycolmap.Camera(
+        camera_id=1, model="SIMPLE_RADIAL", width=1024, height=768, params=[500.0, 512.0, 384.0, -0.12]
+    )
+    model.add_camera_with_trivial_rig(camera)
+    for photo in range(6):
+        pose = look_at(np.array([10.0 * photo, photo % 2, 50]), np.array([10.0 * photo, photo % 2 + 0.1, 0]))
+        image = pycolmap.Image(image_name(photo), np.zeros((0, 2)), camera_id=1, image_id=photo + 1)
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(pose))
+        for number, place in enumerate(np.array([[5.0, 5, 0], [30, -10, 1], [40, 12, 2], [20, 15, 0]])):
+            told = geodetic_from_enu(place, ORIGIN)
+            pixel = camera.img_from_cam((pose[:, :3] @ place + pose[:, 3])[None])[0]
+            marks.append((f"P{number}", False, *told, photo, *pixel, len(marks) + 2))
+    columns = ["point", "check", "lat_deg", "lon_deg", "alt_m", "photo_id", "x_px", "y_px", "line"]
+    return model, pd.DataFrame(marks, columns=columns)
+
+
+def test_a_mark_where_the_lens_has_no_ray_is_left_out_and_told() -> None:
+    model, marks = folding_lens()
+    of_one = marks.index[marks["point"] == "P0"]
+    marks.loc[of_one[0], ["x_px", "y_px"]] = 15.0, 12.0
+    told = survey(marked_points(model, marks))
+    line = int(marks["line"][of_one[0]])
+    assert told.remarks == (f"line {line} of the control points marks P0 where the lens has no ray: not used",)
+    assert told.wrong_lines == (line,), "an adjustment to control points leaves it out too"
+    assert told.table["marks"].tolist() == [5, 6, 6, 6]
+    assert max(told.rms_m("control") or (np.inf,)) < 0.01
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_a_point_whose_marks_have_no_rays_is_not_used(left: int) -> None:
+    model, marks = folding_lens()
+    of_one = marks.index[marks["point"] == "P0"]
+    marks.loc[of_one[left:], ["x_px", "y_px"]] = 15.0, 12.0
+    told = survey(marked_points(model, marks))
+    assert told.table["point"].tolist() == ["P1", "P2", "P3"] and told.world_from_model is not None
+    assert told.remarks[-1] == "control point P0 is not used: fewer than two of its marks can be"
+    assert len(told.wrong_lines) == 6 - left
