@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -63,6 +64,10 @@ SHARED = {
     # Is rendered, holds what was found against its truth, and is packed
     "town": ("rendering", "domes", "groups", "overlap", "dataset"),
 }
+# Every package has a map of its modules but the root, whose map is in CONTRIBUTING.md
+MAPPED = sorted((ROOT / "aug3d_core").glob("*/**/__init__.py"))
+# What these hold is the same everywhere: a map may leave them out
+OF_MANY_PACKAGES = {"__init__", "__main__", "config", "files", "declared", "decisions", "stage"}
 # All that training, judging and novel views know of a model: settings by name, the protocol, a trained head on disk
 PROTOCOL = {"aug3d_core.heads"} | {f"aug3d_core.heads.{module}" for module in ("config", "head", "saved")}
 
@@ -172,6 +177,22 @@ def test_no_packages_import_each_other() -> None:
 
 def test_every_package_has_its_place() -> None:
     assert {package(module).partition(".")[0] for module in modules()} - {"", "doctor", "__main__"} == set(ORDER)
+
+
+@pytest.mark.parametrize("init", MAPPED, ids=lambda path: path.parent.relative_to(ROOT / "aug3d_core").as_posix())
+def test_the_map_of_a_package_names_its_modules(init: Path) -> None:
+    """A map is in the docstring of the package; each of its lines is `name   what it does` or `name, name   what they do`."""
+    lines = re.findall(r"^(\w+(?:, \w+)*) {2,}\S", ast.get_docstring(ast.parse(init.read_bytes())) or "", re.MULTILINE)
+    named = {name for line in lines for name in line.split(", ")}
+    packages = {path.parent.name for path in init.parent.glob("*/__init__.py")}
+    known = {path.stem for path in init.parent.glob("*.py")} | packages
+    assert known - OF_MANY_PACKAGES - named == set(), "these modules are not in it"
+    assert named - known == set(), "these are no modules"
+
+
+def test_contributing_lists_all_packages() -> None:
+    rows = re.findall(r"^\| (`[^|]+) \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    assert sorted(re.findall(r"`(\w+)`", " ".join(rows))) == sorted(ORDER)
 
 
 WRONG = {

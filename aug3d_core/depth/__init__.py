@@ -9,6 +9,7 @@ sweep         the plane on which the sources agree best with each pixel (OpenCV)
 coherence     depth without islands, filled from half the size (OpenCV)
 normals       depth map -> normal map (OpenCV)
 consistency   what depth maps of other photographs confirm (plain numpy)
+reuse         maps of an earlier output that would come out the same, copied
 job           what a worker process does
 worker        the process that sweeps, or compares, one share of the photographs
 launch        run the workers

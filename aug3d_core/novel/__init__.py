@@ -5,5 +5,6 @@ preview  the stage `preview`: photographs with poses -> views and a flight, with
 stage    the stage `prediction`: predict, draw, report
 inputs   which photographs a view is predicted from (numpy, torch)
 views    what the settings leave open: inputs, camera; and what of the view the inputs show (numpy)
-outside  posed photographs from outside -> a scene;  posed: one of them, with its mask (numpy)
+outside  posed photographs from outside -> a scene
+posed    one of them, with its mask (numpy)
 """

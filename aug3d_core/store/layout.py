@@ -1,4 +1,7 @@
-"""The only place that spells a path: the folders of the store, and the files inside each stage's output."""
+"""The only place that names the folders and files of a home and of a shared store.
+
+The files of a job are named in `run/files.py`, those inside a stage's output in the `files.py` of its package.
+"""
 
 from __future__ import annotations
 

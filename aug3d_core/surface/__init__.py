@@ -4,6 +4,7 @@ config    settings and their presets
 draw      the surface, as a whole or tile by tile
 tiles     the ground in tiles of about equal numbers of points
 evidence  which fused points may be used
+hidden    the ground and the foot of a wall that hardly any photograph sees
 poisson   oriented points to a surface
 trim      the surface only where points speak for it
 decimate  no more triangles than it needs

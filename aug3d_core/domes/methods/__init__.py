@@ -1,4 +1,13 @@
-"""The ways to choose where domes stand, by name; each is `plan(surface, site, config, rng) -> Plan`."""
+"""The ways to choose where domes stand, by name; each is `plan(surface, site, config, rng) -> Plan`.
+
+grid        domes over cells of several sizes
+buildings   domes over buildings, alone and in groups
+sam         the same, with outlines by Segment Anything
+sam_job     what is asked of sam_worker
+sam_worker  the process that outlines (torch)
+spiral      the whole scene from a spiral: a baseline
+scene_dome  the whole scene from one dome: a baseline
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""The ways of grouping, by the name that the configuration gives them; `scene.py` says what they share."""
+"""The ways of grouping, by the name that the configuration gives them; `scene.py` says what they share.
+
+sequence       runs of K in the order of capture
+grid           cells of the ground under the cameras, with and without a constraint on where they look
+ray            where central rays meet the ground
+shared_points  the views that share most points with a centre
+surface        the views that see most of the same surface
+similar        what the last two have in common
+"""
 
 from __future__ import annotations
 

@@ -4,11 +4,14 @@ config           its settings, and how it is trained in each preset
 head             loss, symptoms, first weights, prediction: what training and judging see
 model            rays and input views -> pixels, coarse and fine
 cameras          points -> pixels of the input views
-encoder          input photographs -> feature maps;  encoder_weights, resnet: those of the paper's encoder
+encoder          input photographs -> feature maps
+resnet           the paper's encoder
+encoder_weights  where its weights come from
 field            a point and what the input views show there -> colour and density
 cpu_mlp          blocks of the field in cache-sized parts
 sampling         where along a ray to look
 compositing      colours and densities along a ray -> one pixel
 prediction       a whole view
-reference        the paper's network without any saving;  speed, speed_job: the two timed
+reference        the paper's network without any saving
+speed, speed_job  the two timed
 """
