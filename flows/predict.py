@@ -16,12 +16,14 @@ from aug3d_core.collections.versions import model_of, versions
 from aug3d_core.factory.build import build, work_of
 from aug3d_core.factory.material import Source, source_of
 from aug3d_core.factory.plan import stage_of
-from aug3d_core.factory.stages import PREDICTION, TRAINING
+from aug3d_core.factory.stages import EVALUATION, PREDICTION, TRAINING
 from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.novel.files import PREDICTION as NOVEL_PREDICTION
 from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTION_VIEW
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
+from aug3d_core.store import layout
+from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects, version_metrics
 from aug3d_core.store.store import Store
@@ -167,15 +169,21 @@ def judged_with(store: Store, version: Mapping[str, Any]) -> int:
 
 
 def _input_views(store: Store, version: Mapping[str, Any], model: str | None) -> int:
-    """Return from how many photographs the model of this name predicted its test; without a name, the scene's own."""
+    """Return from how many photographs the model of this name predicted its test, with how many it was trained if it has none.
+
+    Without a name, the scene's own.
+    """
     if model is None:
         return judged_with(store, version)
     if model == TOWNS:
         return PredictionConfig().input_views  # as docs/weights.md has its test
     if "@" in model:
         return judged_with(store, version_metrics(find_version(store, model)))
-    if versions(store, model):
-        return int(model_of(store, model).config["input_views"])
+    if found := versions(store, model):
+        trained = model_of(store, model)
+        metrics = version_metrics(published(store, model, layout.COLLECTIONS) or found[-1])
+        judged = (store.find(stage, key) for stage, key in metrics["objects"] if stage == EVALUATION.name)
+        return int(next(filter(None, judged), trained).config["input_views"])
     return judged_with(store, newest_with(store, model, "training")[0])
 
 

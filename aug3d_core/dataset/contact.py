@@ -19,16 +19,28 @@ def save_contact_sheet(scene: Scene, path: Path) -> None:
     Views are shrunk where the sheet would have more than MOST_PX.
     """
     rows = [members[:COLUMNS] for name in ("real", "rendered", "test") for members in _spread(scene.groups[name])]
-    height, width = scene.height_px + GAP_PX, scene.width_px + GAP_PX
-    shrunk = min(1.0, (MOST_PX / (len(rows) * height * COLUMNS * width)) ** 0.5)
-    height, width = int(shrunk * height), int(shrunk * width)
-    size_px = (width - GAP_PX, height - GAP_PX)
+    size_px = fitting((scene.width_px, scene.height_px), (GAP_PX, GAP_PX), len(rows) * COLUMNS)
+    width, height = size_px[0] + GAP_PX, size_px[1] + GAP_PX
     sheet = np.full((len(rows) * height, COLUMNS * width, 3), 255, np.uint8)
     for r, members in enumerate(rows):
         for c, view in enumerate(members):
             small = Image.fromarray(_on_grey(scene, view)).resize(size_px, Image.Resampling.BOX)
             sheet[r * height : (r + 1) * height - GAP_PX, c * width : (c + 1) * width - GAP_PX] = small
     Image.fromarray(sheet).save(path)
+
+
+def fitting(size_px: tuple[int, int], beside_px: tuple[int, int], count: int) -> tuple[int, int]:
+    """Return the width and height of so many pictures, shrunk where a sheet of them would have more than MOST_PX.
+
+    beside_px: what each has beside and below itself, which is not shrunk.
+    """
+    (width, height), (beside, below) = size_px, beside_px
+    share = min(1.0, _root(width * height, width * below + height * beside, beside * below - MOST_PX / count))
+    return max(1, int(share * width)), max(1, int(share * height))
+
+
+def _root(a: float, b: float, c: float) -> float:
+    return ((b * b - 4 * a * c) ** 0.5 - b) / (2 * a)
 
 
 def _spread(groups: np.ndarray) -> np.ndarray:

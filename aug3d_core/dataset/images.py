@@ -14,10 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Shaped, UInt8
 from PIL import Image
 
+from aug3d_core.geometry.area_mean import area_mean
 from aug3d_core.geometry.masks import continued
+
+_LEAST = 1e-6  # share of a pixel that is something
 
 CONVENTION = "sRGB 8 bit; centre crop to aspect; area filter on sRGB values; rounded to 8 bit"
 
@@ -49,16 +52,16 @@ class Fit:
 
     def colour(self, rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "H W 3"]:
         """Shrink an opaque image."""
-        return self._rounded(np.stack([self._area(rgb[..., c]) for c in range(3)], axis=-1))
+        return self._rounded(self._area(rgb))
 
     def alpha(self, used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "H W"]:
         """Shrink a mask: 255 where half of a pixel or more is used, else 0."""
-        return np.where(self._area(used) >= 0.5, np.uint8(255), np.uint8(0))
+        return np.where(self._share(used) >= 0.5, np.uint8(255), np.uint8(0))
 
     def masked(self, rgb: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "H W 3"]:
         """Shrink an image of which a part is masked; some of it has to be used."""
-        share = np.maximum(self._area(used), 1e-6)
-        colour = self._rounded(np.stack([self._area(rgb[..., c] * used) / share for c in range(3)], axis=-1))
+        share = np.maximum(self._share(used), _LEAST)[..., None]
+        colour = self._rounded(self._area(rgb * used[..., None]) / share)
         return continued(colour, self.alpha(used) > 0)
 
     def covered(
@@ -69,10 +72,10 @@ class Fit:
             return rgb, alpha, depth
         weight = alpha.astype(np.float32)
         cover = self._area(weight)
-        colour = [self._area(rgb[..., c] * weight) / np.maximum(cover, 1e-6) for c in range(3)]
-        seen = (depth > 0).astype(np.float32)
-        mean_depth = self._area(depth * seen) / np.maximum(self._area(seen), 1e-6)
-        return self._rounded(np.stack(colour, axis=-1)), self._rounded(cover), mean_depth
+        colour = self._area(rgb * weight[..., None]) / np.maximum(cover, _LEAST)[..., None]
+        share = self._area(depth > 0)
+        mean_depth = np.where(share > _LEAST, self._area(np.maximum(depth, 0)) / np.maximum(share, _LEAST), 0)
+        return self._rounded(colour), self._rounded(cover), mean_depth
 
     def nearest(self, values: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "H W"]:
         """Shrink a map whose values must not be mixed."""
@@ -80,10 +83,11 @@ class Fit:
         image = Image.fromarray(np.ascontiguousarray(values, dtype=np.float32))
         return np.asarray(image.resize(size, Image.Resampling.NEAREST, box=self.crop))
 
-    def _area(self, channel: np.ndarray) -> Float[np.ndarray, "H W"]:
-        image = Image.fromarray(np.ascontiguousarray(channel, dtype=np.float32))
-        size = (self.width_px, self.height_px)
-        return np.asarray(image.resize(size, Image.Resampling.BOX, box=self.crop))
+    def _share(self, used: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "H W"]:
+        return np.round(self._area(used), 5)  # as far as float32 tells a half and a whole
+
+    def _area(self, values: Shaped[np.ndarray, "h w *c"]) -> Float[np.ndarray, "H W *c"]:
+        return area_mean(values, (self.width_px, self.height_px), self.crop)
 
     @staticmethod
     def _rounded(values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,8 @@ from jaxtyping import Bool, UInt8
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
+from aug3d_core.geometry.area_mean import area_mean
+
 LEAST_USED = 128  # a grey level from which a pixel is used
 
 
@@ -21,11 +23,11 @@ def used_pixels(path: Path, size_px: Sequence[int] | None = None) -> Bool[np.nda
     if not path.exists():
         return None
     with Image.open(path) as image:
-        mask = image.convert("L")
-    if size_px is not None and mask.size != tuple(size_px):
-        width, height = size_px
-        mask = mask.resize((width, height), Image.Resampling.BOX)
-    return np.asarray(mask) >= LEAST_USED
+        mask = np.asarray(image.convert("L"))
+    if size_px is None or mask.shape[::-1] == tuple(size_px):
+        return mask >= LEAST_USED
+    width, height = size_px
+    return np.round(area_mean(mask, (width, height)), 2) >= LEAST_USED - 0.5  # as far as float32 tells a half
 
 
 def continued(picture: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
+from aug3d_core.dataset.contact import fitting
 from aug3d_core.dataset.scene import Scene
 from aug3d_core.heads.head import View
 from aug3d_core.judging.names import called
@@ -126,16 +127,18 @@ def _colours(values: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def grid(rows: list[list[tuple[str, np.ndarray]]]) -> UInt8[np.ndarray, "H W 3"]:
-    """Draw rows of pictures of one size under their labels."""
+    """Draw rows of pictures of one size under their labels; they are shrunk where the sheet would be too large to be read."""
     height, width = rows[0][0][1].shape[:2]
     if width < SMALL_PX:
         height, width = 2 * height, 2 * width
-    step_x, step_y = width + GAP_PX, height + LABEL_PX + GAP_PX
-    sheet = Image.new("RGB", (max(map(len, rows)) * step_x, len(rows) * step_y), "white")
+    columns, beside_px = max(map(len, rows)), (GAP_PX, LABEL_PX + GAP_PX)
+    width, height = fitting((width, height), beside_px, columns * len(rows))
+    step_x, step_y = width + beside_px[0], height + beside_px[1]
+    sheet = Image.new("RGB", (columns * step_x, len(rows) * step_y), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT_PX)
     for r, row in enumerate(rows):
         for c, (label, image) in enumerate(row):
             draw.text((c * step_x + 2, r * step_y), label, fill="black", font=font)
-            large = Image.fromarray(image).resize((width, height), Image.Resampling.NEAREST)
-            sheet.paste(large, (c * step_x, r * step_y + LABEL_PX))
+            fitted = Image.fromarray(image).resize((width, height), Image.Resampling.BOX)
+            sheet.paste(fitted, (c * step_x, r * step_y + LABEL_PX))
     return np.asarray(sheet)

@@ -88,7 +88,7 @@ class Predictor:
             return Predicted(view.colour, view.depth, view.seen, ids, half, time.perf_counter() - begun)
 
     def _with_view(self, given: Int[np.ndarray, " v"], pose: Pose, quick: bool, half: bool) -> Scene:
-        """Return the inputs, and the view without pixels as the last row."""
+        """Return the inputs, and the view without pixels as the last row; the pictures are those of `_inputs`, not copies."""
         small = self._inputs(tuple(map(int, given)), half)
         size_px = (small.width_px, small.height_px)
         intrinsics = intrinsics_of(pose.fov_rad, size_px)
@@ -111,16 +111,18 @@ class Predictor:
             "dome_id": -1,
             "splits": SPLITS.index("target"),
         }
-        longer = {}
-        for name in VIEW_ARRAYS:
-            array = getattr(small, name)
-            row = np.broadcast_to(np.asarray(added.get(name, 0)), array.shape[1:]).astype(array.dtype)
-            longer[name] = np.concatenate([array, row[None]])
-        return replace(small, **longer)
+        arrays = {name: getattr(small, name).copy() for name in added}
+        for name, value in added.items():
+            arrays[name][-1] = value
+        return replace(small, **arrays)
 
     def _inputs_of(self, given: tuple[int, ...], half: bool) -> Scene:
+        """Return inputs, and a last row that holds nothing yet."""
         small = only(self.scene, np.array(given))
-        return halved(small) if half else small
+        small = halved(small) if half else small
+        arrays = {name: getattr(small, name) for name in VIEW_ARRAYS}
+        longer = {name: np.concatenate([one, np.zeros_like(one[:1])]) for name, one in arrays.items()}
+        return replace(small, **longer)
 
     def _points_of(self, row: int) -> Float[Tensor, "p 3"]:
         """Return the points of a photograph's pixels that have a scaffold, from the middle of all cameras."""

@@ -51,6 +51,30 @@ def test_a_pixel_is_the_mean_of_what_a_finer_view_shows_in_it(factor):
     assert np.allclose(fine.intrinsics(source), factor * crop.intrinsics(source))
 
 
+def test_content_stays_in_its_place_at_a_ratio_of_one_and_a_half():
+    """The fine view of a photograph three times as wide as the packed one: a pixel is one of it and half of its neighbour."""
+    ramp = np.tile((5 * np.arange(48, dtype=np.uint8))[None, :, None], (36, 1, 3))
+    fine, depth = fit(48, 36, 16, 12).times(2), 1 + ramp[..., 0].astype(np.float32) / 5
+    means = (3 * np.arange(16)[:, None] + [1 / 3, 5 / 3]).ravel()
+    wanted = np.rint(5 * means).astype(np.uint8)[None, :, None]
+    opaque = np.full(depth.shape, 255, np.uint8)
+    colour, alpha, shrunk_depth = fine.covered(ramp, opaque, depth)
+    for found in (fine.colour(ramp), colour, fine.masked(ramp, opaque > 0)):
+        assert np.array_equal(found, np.broadcast_to(wanted, found.shape))
+    assert (alpha == 255).all() and shrunk_depth == pytest.approx(np.tile(1 + means, (24, 1)), abs=1e-4)
+
+
+@pytest.mark.parametrize("wide", [10, 15, 22, 44])
+def test_depth_is_told_where_any_of_a_pixel_has_it_and_its_own(wide):
+    """At 22 and 44 px rounding moves the edge of a pixel over the depth's by a hair: a hair of a depth is none."""
+    nothing, depth = np.zeros((50, 50, 3), np.uint8), np.zeros((50, 50), np.float32)
+    depth[:, 25:] = 5.0
+    found = fit(50, 50, wide, wide).covered(nothing, nothing[..., 0], depth)[2]
+    bare = (np.arange(wide) + 1) * 50 <= 25 * wide
+    assert np.array_equal(found == 0, np.tile(bare, (wide, 1)))
+    assert found == pytest.approx(np.tile(np.where(bare, 0.0, 5.0), (wide, 1)), abs=1e-4)
+
+
 def test_holes_do_not_colour_what_is_covered():
     rgb = np.zeros((4, 4, 3), np.uint8)
     alpha, depth = np.zeros((4, 4), np.uint8), np.zeros((4, 4), np.float32)

@@ -1,5 +1,8 @@
 """The paper's network: what it is made of, and that the fast way computes what the plain one does."""
 
+import weakref
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -118,6 +121,27 @@ def test_what_a_frozen_encoder_made_is_kept_within_its_limit(scene):
     for one in (other, scene, other):  # scenes that take turns keep their maps
         encoded.maps(one, np.array([5]), encode)
     assert len(made) == 5
+
+
+def test_maps_go_with_the_pictures_they_are_of(scene):
+    """A viewer makes a scene for each frame, of the same pictures until other inputs are chosen."""
+    made = []
+
+    def encode(new):
+        made.append(torch.zeros(len(new), 2, 2, 4))
+        return made[-1]
+
+    encoded, first = Encoded(), replace(scene, images=np.array(scene.images))
+    for _ in range(3):
+        encoded.maps(replace(first, scaffold=scene.scaffold.copy()), np.array([5, 3]), encode)
+    assert len(made) == 1
+    pictures = weakref.ref(first.images)
+    kept = [weakref.ref(one) for one in encoded._kept.values()]
+    assert len(kept) == 2
+    del first
+    assert pictures() is None
+    encoded.maps(scene, np.array([1]), encode)
+    assert all(one() is None for one in kept)
 
 
 def test_other_weights_make_other_maps_of_the_same_views(scene):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -61,6 +62,16 @@ def run(home: Path, folder: Path, auto: tuple[str, ...] = ()) -> dict[str, Any]:
 
     config = scene_config("tiny").model_copy(update={"auto": auto})
     return factory("little", str(folder), "tiny", config, str(home))
+
+
+def test_a_picture_that_cannot_be_shown_costs_no_run(
+    few: Stages, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise Image.DecompressionBombError("larger than a picture may be")
+
+    monkeypatch.setattr("tasks.artifacts.create_table_artifact", refuse)
+    assert run(tmp_path / "home", folder)["nvs"]["test_psnr_mean"] == 20.5
 
 
 def test_a_small_scene_is_made_fold_by_fold_and_judged_on_all(

@@ -123,8 +123,12 @@ def test_a_view_is_predicted_from_as_many_photographs_as_the_model_that_is_used(
     for scene, records in [*scenes.items(), ("again", bare)]:
         version = new_version(store, scene)
         write_metrics(version, {"scene": scene, "paths": version_paths(store, version, records)})
-    made("training", "many", input_views=7)
-    write_metrics(new_collection_version(store, "many"), {"collection": "many", "training": {"key": "many"}})
+    for collection, judged in (("many", []), ("judged", [["evaluation", "lost"], ["evaluation", "by four"]])):
+        made("training", collection, input_views=7)
+        told = {"collection": collection, "training": {"key": collection}}
+        objects = [["dataset", "k"], *judged, ["training", collection]]
+        write_metrics(new_collection_version(store, collection), told | {"objects": objects})
+    made("evaluation", "by four", input_views=4)
     asked: list[int] = []
 
     def planned(stage: Stage, config: PredictionConfig, sources: object) -> None:
@@ -132,7 +136,7 @@ def test_a_view_is_predicted_from_as_many_photographs_as_the_model_that_is_used(
         raise UsageError("nothing is built here", "")
 
     monkeypatch.setattr("flows.predict.work_of", planned)
-    words = [("bare", "--model", model) for model in ("towns", "untested", "tested", "again", "many")]
+    words = [("bare", "--model", model) for model in ("towns", "untested", "tested", "again", "many", "judged")]
     for one in (*words, ("tested",), ("untested",), ("tested", "--model", "towns")):
         assert "nothing is built here" in invoke(*one, "--home", tmp_path).output
-    assert asked == [3, 5, 6, 6, 7, 6, 5, 3]
+    assert asked == [3, 5, 6, 6, 7, 4, 6, 5, 3]

@@ -178,6 +178,8 @@ def test_photographs_of_another_test_are_not_paired() -> None:
         (PSNR, 20.0, 20.5, "+0.50 dB"),
         ("nvs.cheap_mean_colour", 15.0, 14.0, "-1.00 dB"),
         ("evaluation.cheap_mean_colour_ssim", 0.5, 0.4, "-20 %"),
+        ("evaluation.cheap_mean_colour_flip", 0.3, 0.24, "-20 %"),
+        ("evaluation.over_guided_blend_ci_low", 0.02, -0.3, "-0.32 dB"),
         ("sfm.points", 1000, 1500, "+50 %"),
         ("sfm.points", 1000, 1015, "+1.5 %"),
         ("sfm.points", 0, 5, ""),

@@ -12,7 +12,8 @@ from aug3d_core.run.metric import MetricSpec, declared, spec_of, unit_of
     [
         ("reprojection_px", "px"), ("gps_residual_m_median", "m"), ("position_error_pct_max", "%"),
         ("test_psnr_ci_low", "dB"), ("over_best_cheap_db", "dB"), ("cheap_nearest_copy", "dB"),
-        ("cheap_nearest_copy_ssim", ""), ("bad_members_share", ""), ("rays_per_second", "1/s"),
+        ("cheap_nearest_copy_ssim", ""), ("cheap_nearest_copy_flip", ""), ("over_nearest_copy_ci_low", "dB"),
+        ("bad_members_share", ""), ("rays_per_second", "1/s"),
         ("texture_seconds", "s"), ("worker_growth_mib", "MiB"), ("photos", ""), ("mapper_reason", ""),
     ],
 )  # fmt: skip

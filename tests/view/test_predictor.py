@@ -9,9 +9,11 @@ import pytest
 import torch
 
 from aug3d_core.heads.head import build
+from aug3d_core.heads.pixelnerf.head import PixelNerfHead
 from aug3d_core.run.errors import InputError
 from aug3d_core.view.poses import Pose, intrinsics_of
 from aug3d_core.view.predictor import Predictor, halved
+from tests.engines.toy_training import HEAD
 from tests.toy_scene import toy_scene
 from tests.view.finished_scene import CONFIG, SIZE_PX
 
@@ -77,3 +79,14 @@ def test_half_a_scene_shows_the_same(predictor: Predictor) -> None:
     assert small.images.shape == (len(whole), 23, 31, 3) and small.alpha.min() == 255
     assert np.allclose(small.images[3, 4, 5], whole.images[3, 8:10, 10:12].mean(axis=(0, 1)), atol=0.51)
     assert np.allclose(small.intrinsics * 2, whole.intrinsics)
+
+
+def test_a_frozen_encoder_encodes_inputs_once_while_the_camera_moves_about_them() -> None:
+    torch.manual_seed(0)
+    head = build(HEAD.model_copy(update={"encoder_frozen": True, "even_exposure": False})).eval()
+    predictor, encoded = Predictor(toy_scene(0, *SIZE_PX), head, 3), []
+    assert isinstance(head, PixelNerfHead)
+    head.encoder.register_forward_hook(lambda _, images, __: encoded.append(len(images[0])))
+    first, aside = (predictor.predict(at(predictor, 8, by), half=True) for by in (0.0, 0.2))
+    assert first.photo_ids == aside.photo_ids and not np.array_equal(first.colour, aside.colour)
+    assert encoded == [3]

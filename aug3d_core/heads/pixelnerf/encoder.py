@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from itertools import count
+from typing import Any
+from weakref import ref
 
 import numpy as np
 import torch
@@ -96,22 +99,26 @@ ENCODERS: dict[str, Callable[[PixelNerfConfig], SmallEncoder | PaperEncoder]] = 
 
 
 class Encoded:
-    """Maps that a frozen encoder made of views, up to a limit of memory; the oldest go first."""
+    """Maps that a frozen encoder made of views, up to a limit of memory; the oldest go first.
+
+    Scenes that share their pictures share the maps; pictures that are gone have none.
+    """
 
     def __init__(self, limit_bytes: int = 2**30) -> None:
         self._limit_bytes = limit_bytes
-        self._scenes: list[Scene] = []
-        self._kept: OrderedDict[tuple[int, int], Tensor] = OrderedDict()  # by scene and view
+        self._pictures: dict[int, ref[Any]] = {}  # by number
+        self._numbers = count()
+        self._kept: OrderedDict[tuple[int, int], Tensor] = OrderedDict()  # by number of the pictures and view
 
     def forget(self) -> None:
         """Drop all maps: the encoder has other weights now."""
-        self._scenes, self._kept = [], OrderedDict()
+        self._kept.clear()
 
     def maps(
         self, scene: Scene, views: Int[np.ndarray, " n"], encode: Callable[[Int[np.ndarray, " m"]], Tensor]
     ) -> Float[Tensor, "n h w c"]:
         """Return maps of views; those at the places `encode` is given are encoded now."""
-        own = self._number(scene)
+        own = self._number(scene.images)
         wanted = [(own, int(view)) for view in views]
         new = np.array([place for place, view in enumerate(wanted) if view not in self._kept], int)
         if len(new):
@@ -121,8 +128,13 @@ class Encoded:
             self._kept.popitem(last=False)
         return maps
 
-    def _number(self, scene: Scene) -> int:
-        known = next((number for number, one in enumerate(self._scenes) if one is scene), None)
+    def _number(self, pictures: Any) -> int:
+        """Return the number of a scene's pictures; drop those that are gone, with their maps."""
+        self._pictures = {number: one for number, one in self._pictures.items() if one() is not None}
+        for view in [view for view in self._kept if view[0] not in self._pictures]:
+            del self._kept[view]
+        known = next((number for number, one in self._pictures.items() if one() is pictures), None)
         if known is None:
-            self._scenes.append(scene)
-        return len(self._scenes) - 1 if known is None else known
+            known = next(self._numbers)
+            self._pictures[known] = ref(pictures)
+        return known
