@@ -14,6 +14,7 @@ from PIL import Image
 
 from aug3d_core.depth.cameras import camera_of
 from aug3d_core.depth.files import WORKSPACE_DEPTH_MAPS, WORKSPACE_NORMAL_MAPS, geometric_map_name
+from aug3d_core.geometry.area_mean import shrunk
 from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.rows import Rows
@@ -44,13 +45,13 @@ def write_workspace(
     ):
         (folder / name).mkdir(parents=True, exist_ok=True)  # a killed try may have left them, with maps
     for view in chosen:
-        name = image_name(views.photo_id[view])
+        name, (width, height) = image_name(views.photo_id[view]), sizes[view].tolist()
         with Image.open(photos / name) as image:
-            small = image.convert("RGB").resize(tuple(sizes[view].tolist()), Image.Resampling.BOX)
-        used = used_pixels(masks / name, small.size)
+            small = shrunk(np.asarray(image.convert("RGB")), (width, height))
+        used = used_pixels(masks / name, (width, height))
         if used is not None:
-            small = Image.fromarray(np.where(used[..., None], np.asarray(small), np.uint8(0)))
-        small.save(folder / IMAGES / name, compress_level=1)
+            small[~used] = 0
+        Image.fromarray(small).save(folder / IMAGES / name, compress_level=1)
     sparse_model(views, sizes, points, tracks, chosen).write(folder / SPARSE)
 
 

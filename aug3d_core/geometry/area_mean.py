@@ -6,7 +6,7 @@ Pixel i covers [i, i + 1), so no content moves, at any ratio. Pillow's BOX count
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Int, Shaped, UInt8
 
 _ROWS = 16  # of the target at a time: what is in between stays small
 
@@ -32,6 +32,11 @@ def area_mean(
         strip = sum(values[row[k, now]] * per_row[k, now] for k in range(len(row)))
         total[now] = sum(np.take(strip, column[k], axis=1) * per_column[k] for k in range(len(column)))
     return total / ((right - left) * (bottom - top) / (width * height))
+
+
+def shrunk(picture: UInt8[np.ndarray, "h w *c"], size_px: tuple[int, int]) -> UInt8[np.ndarray, "H W *c"]:
+    """Return a picture at this size (width, height)."""
+    return np.rint(area_mean(picture, size_px)).astype(np.uint8)
 
 
 def _parts(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
+from aug3d_core.geometry.area_mean import area_mean, shrunk
 from aug3d_core.geometry.masks import used_pixels
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.raycast import Hits, Raycaster, Render
@@ -21,6 +22,7 @@ COVERED = 250  # alpha of a reduced pixel from which it counts as covered by the
 BACKGROUND = 245  # grey of pictures where there is no surface
 TOP_VIEW_PX = 1000
 GAP = 6  # px between pictures
+_LEAST = 1e-3  # of alpha that has a colour
 LIGHT = np.array([-0.4, 0.5, 0.77])  # from the north-west, as maps are shaded
 
 AnyMesh = Mesh | TexturedMesh
@@ -73,8 +75,11 @@ def compare(photo: Path, render: Image.Image, longest_px: int, mask: Path | None
     scale = min(1.0, longest_px / max(render.size))
     size = (max(1, round(render.width * scale)), max(1, round(render.height * scale)))
     with Image.open(photo) as image:
-        truth = np.asarray(image.convert("RGB").resize(size, Image.Resampling.BOX))
-    small = np.asarray(render.resize(size, Image.Resampling.BOX))
+        truth = shrunk(np.asarray(image.convert("RGB")), size)
+    pixels = np.asarray(render, np.float32)
+    cover = area_mean(pixels[..., 3:], size)
+    colour = area_mean(pixels[..., :3] * pixels[..., 3:], size) / np.maximum(cover, _LEAST)  # of what is covered
+    small = np.rint(np.concatenate([colour, cover], axis=-1)).clip(0, 255).astype(np.uint8)
     used = None if mask is None else used_pixels(mask, size)
     return Comparison(truth, small[..., :3], small[..., 3], np.ones(truth.shape[:2], bool) if used is None else used)
 
