@@ -1,7 +1,7 @@
 """Bad members of every way of grouping: on every flight path over the town, and on the paper's edge cases.
 
 A member is bad when it sees less than 10 % of the surface that the group's centre sees, or the other way round, in the mean:
-`grouping/overlap.py` states it. Everything is exact: the true mesh, seen from the true poses.
+`overlap/measures.py` states it. Everything is exact: the true mesh, seen from the true poses.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class Samples:
         towards = -to_point / np.linalg.norm(to_point, axis=1, keepdims=True)
         facing = np.einsum("pk,pk->p", towards, self.normal[inside]) > steepest
         free = facing.copy()
-        free[facing] = ~surface.occluded(centres(cam_from_world), to_point[facing], 0.0, 1 - GAP)
+        free[facing] = ~surface.occluded(centres(cam_from_world), to_point[facing], 1 - GAP)
         return inside[free], depth[free], towards[free]
 
 

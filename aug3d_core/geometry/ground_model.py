@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 from scipy.interpolate import NdBSpline
 
 from aug3d_core.geometry.ground_surface import GroundModel, Kind, knots
+from aug3d_core.geometry.robust import spread
 from aug3d_core.run.errors import InputError
 
 _CELLS = 900
@@ -156,7 +157,7 @@ def _fit(
 def _scale(residual: Float[np.ndarray, " n"]) -> float:
     """Return a robust deviation: from the residuals below the surface, where no roof is, or from all, the smaller."""
     below = -residual[residual <= 0]
-    return 1.4826 * float(min(np.median(np.abs(part)) if len(part) else 0.0 for part in (below, residual)))
+    return min(spread(part) if len(part) else 0.0 for part in (below, residual))
 
 
 def _held_out(

@@ -66,10 +66,10 @@ class Raycaster:
         return Hits(distance, triangle, weights, answer["primitive_normals"].numpy())
 
     def occluded(
-        self, origins: Float[np.ndarray, "*#r 3"], directions: Float[np.ndarray, "*#r 3"], near: float, far: float
+        self, origins: Float[np.ndarray, "*#r 3"], directions: Float[np.ndarray, "*#r 3"], far: float
     ) -> Bool[np.ndarray, " *r"]:
-        """Tell whether anything lies on a ray between `near` and `far` (in lengths of its direction)."""
-        return self._scene.test_occlusions(self._rays(origins, directions), tnear=near, tfar=far).numpy()
+        """Tell whether anything lies on a ray between its origin and `far` (in lengths of its direction)."""
+        return self._scene.test_occlusions(self._rays(origins, directions), tnear=0.0, tfar=far).numpy()
 
     def distance(self, points: Float[np.ndarray, "*p 3"]) -> Float[np.ndarray, " *p"]:
         """Return the distance of points to the surface, without a sign."""

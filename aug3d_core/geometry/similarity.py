@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from aug3d_core.geometry.robust import spread
+
 _TRIALS = 1000
 
 
@@ -67,7 +69,7 @@ def fit_similarity_robustly(
     inliers = np.ones(len(points_in_a), bool)
     for _ in range(3):
         residuals = _residuals(best, points_in_a, points_in_b)
-        tolerance = 3 * 1.4826 * np.median(residuals)
+        tolerance = 3 * spread(residuals)
         inliers = residuals <= max(tolerance, np.sort(residuals)[min(len(residuals), points_in_a.shape[1]) - 1])
         best = fit_similarity(points_in_a[inliers], points_in_b[inliers])
     return best, inliers

@@ -69,5 +69,5 @@ def visible(views: Views, surface: Raycaster, places: Float[np.ndarray, "p 3"]) 
     sees = ahead & ((xy >= 0) & (xy <= views.size[:, None])).all(axis=-1)
     view, place = np.nonzero(sees)
     eyes = centres(views.cam_from_world)[view]
-    sees[view, place] = ~surface.occluded(eyes, places[place] - eyes, 0.0, _ALMOST)
+    sees[view, place] = ~surface.occluded(eyes, places[place] - eyes, _ALMOST)
     return sees

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,12 +30,11 @@ def histogram(values: np.ndarray, what: str, of: str) -> str:
     return _drawn(counts, labels, what, of, float(np.median(finite)) / step, f"median {np.median(finite):.3g}")
 
 
-def count_histogram(counts: Sequence[int], first: int, what: str, of: str, last_is_more: bool) -> str:
-    """Draw a bar for each whole number from `first` on; the last one may stand for all above."""
-    labels = [
-        (i + 0.5, f"{first + i}{'+' if last_is_more and i == len(counts) - 1 else ''}") for i in range(len(counts))
-    ]
-    return _drawn(np.asarray(counts), labels, what, of, None, "") if sum(counts) else ""
+def count_histogram(counts: Mapping[int, int], what: str, of: str) -> str:
+    """Draw a bar for each whole number, as high as its count; the last one stands for all above it too."""
+    *names, last = counts
+    labels = [(i + 0.5, name) for i, name in enumerate([*map(str, names), f"{last}+"])]
+    return _drawn(np.array([*counts.values()]), labels, what, of, None, "") if any(counts.values()) else ""
 
 
 def _drawn(

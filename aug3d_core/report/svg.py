@@ -87,11 +87,11 @@ def level(y: float, label: str) -> str:
     return f'<path class="grid" d="M{LEFT} {y:.1f}H{CHART_WIDTH - RIGHT}"/>' + text(LEFT - 6, y, label, "end", "tick")
 
 
-def round_numbers(low: float, high: float, wanted: int = 4) -> list[float]:
-    """Return round numbers that span the range, about as many as wanted."""
+def round_numbers(low: float, high: float) -> list[float]:
+    """Return about four round numbers that span the range."""
     if high <= low:
         return [low, low + (abs(low) or 1.0)]
-    rough = (high - low) / wanted
+    rough = (high - low) / 4
     power = 10.0 ** math.floor(math.log10(rough))
     step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough)
     first = math.floor(low / step)

@@ -7,17 +7,19 @@ from pathlib import Path
 
 from PIL import Image
 
+_LONGEST_PX = 1000
+
 
 def is_film(picture: str | Path) -> bool:
     """Return whether a stage's picture is a film: browsers play it, and it has no small copy."""
     return Path(picture).suffix == ".webm"
 
 
-def thumbnail_jpeg(picture: Path, max_px: int = 1000) -> bytes:
-    """Return a JPEG no larger than `max_px` on its longest side."""
+def thumbnail_jpeg(picture: Path) -> bytes:
+    """Return a JPEG of at most 1000 px on its longest side."""
     with Image.open(picture) as image:
         small = image.convert("RGB")
-        small.thumbnail((max_px, max_px))
+        small.thumbnail((_LONGEST_PX, _LONGEST_PX))
     return encoded(small, "JPEG", quality=85)
 
 

@@ -203,7 +203,7 @@ class Photographs:
         better = np.flatnonzero(facing & (score > least[place]))  # whether anything hides the others does not matter
         # Start a spacing off the surface, or the triangles around the place would hide it
         start = places.xyz[place[better]] + self._spacing * places.normals[place[better]]
-        seen = better[~self._caster.occluded(start, to_camera[better], near=0.0, far=1.0)]
+        seen = better[~self._caster.occluded(start, to_camera[better], far=1.0)]
         return place[seen], np.stack([x[seen], y[seen]], axis=1), score[seen], typical
 
 

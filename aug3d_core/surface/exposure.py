@@ -14,6 +14,8 @@ from jaxtyping import Bool, Float, Int
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from aug3d_core.geometry.robust import spread
+
 ROUNDS = 15
 PULL = 1e-4  # of a photo's mean weight: enough to settle what no overlap does, too little to bias what one does
 DARK, BRIGHT = 12.0, 243.0  # sRGB levels beyond which noise and clipping hide the exposure
@@ -40,7 +42,7 @@ def _channel_gains(point: np.ndarray, photo: np.ndarray, level: np.ndarray, phot
         log_gain = _solve(point, photo, value, weight, photos)
         evened = value + log_gain[photo]
         residual = evened - (np.bincount(point, weight * evened) / np.bincount(point, weight))[point]
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-3)
+        scale = max(spread(residual), 1e-3)
         weight = 1 / (1 + (residual / scale) ** 2)
     gain = np.exp(log_gain)
     # The mean of levels, not of logarithms: that would make a scene as dark as its many dark photos

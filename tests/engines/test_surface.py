@@ -108,7 +108,7 @@ def test_a_roof_hides_the_ground_under_it():
     roof, _ = ground(2.0, height=5.0)
     caster = Raycaster(np.concatenate([low, roof]), np.concatenate([triangles, triangles + 4]))
     points = np.array([[0.0, 0.0, 0.1], [9.0, 9.0, 0.1]])
-    assert caster.occluded(points, np.array([0.0, 0.0, 50.0]) - points, 0.0, 1.0).tolist() == [True, False]
+    assert caster.occluded(points, np.array([0.0, 0.0, 50.0]) - points, far=1.0).tolist() == [True, False]
     np.testing.assert_allclose(caster.distance(np.array([[0.0, 0.0, 8.0], [9.0, 9.0, 4.0]])), [3.0, 4.0], rtol=1e-5)
     hits = caster.cast(np.array([[0.0, 0.0, 9.0], [9.0, 9.0, 9.0]]), np.array([0.0, 0.0, -1.0]))
     np.testing.assert_allclose(hits.distance, [4.0, 9.0], rtol=1e-5)

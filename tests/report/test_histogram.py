@@ -33,11 +33,11 @@ def test_every_value_is_in_some_bar(values):
 
 
 def test_whole_numbers_have_a_bar_each_and_the_last_stands_for_more():
-    drawn = count_histogram([5, 10, 0, 2], 2, "photographs", "Points", last_is_more=True)
+    drawn = count_histogram({2: 5, 3: 10, 4: 0, 5: 2}, "photographs", "Points")
     assert heights(drawn)[1] == pytest.approx(2 * heights(drawn)[0], abs=0.2) and len(heights(drawn)) == 4
     assert ">2<" in drawn and ">5+<" in drawn
 
 
 def test_nothing_to_count_is_no_chart():
-    assert histogram(np.array([np.nan]), "size", "Things") == "" == count_histogram([0, 0], 1, "a", "b", False)
+    assert histogram(np.array([np.nan]), "size", "Things") == "" == count_histogram({1: 0, 2: 0}, "a", "b")
     assert heights(histogram(np.zeros(3), "size", "Things")).max() > 0

@@ -28,18 +28,14 @@ from aug3d_core.run.memory import total_bytes
 
 MEGA = 1e6
 _TEXTURED_MPX = 25.0  # of depth maps, of which a texture is as large as it may be
-_TILED_MPX, _TILE_MIB = (
-    38.0,
-    3150.0,
-)  # of depth maps that give more points than one tile holds, and a tile's: surface/draw.py
-_TILES_SHARE = 0.5  # of the memory, for the tiles that are drawn at a time
+_TILED_MPX = 38.0  # of depth maps that give as many points as one tile holds: surface/tiles.py
+_TILE_MIB = 3150.0  # of a tile's points: surface/draw.py
+_TILES_SHARE = 0.5  # of the memory, for the tiles that are drawn at a time: surface/draw.py
 _LARGER_MESH = 0.65  # of the seconds that two meshes take on one core each: the larger's share
 _BOTH_MESHES = 1.5  # memory of two meshes side by side, over that of the larger
 _CACHE_SHARE = 0.5  # of the memory, that fusion takes for maps at the most: depth/fusion.py
-_FUSED_MPX, _FUSED_MARGIN = (
-    25.0,
-    1.4,
-)  # of depth maps that are fused at a time; what a margin adds: depth/fusion_tiles.py
+_FUSED_MPX = 25.0  # of depth maps that are fused at a time: depth/fusion_tiles.py
+_FUSED_MARGIN = 1.4  # what a tile's margin adds to them
 _USUAL_SAMPLES = 8  # where their number is chosen, and how many all probes of a view have together
 _PROBED = 430
 _ALL_RANKED, _RANKED = 129, 24.0  # photographs without GPS: sfm/pairs.py; pairs for each where they are more

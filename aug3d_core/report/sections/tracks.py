@@ -30,8 +30,8 @@ def _lengths(run: ReportedRun) -> str:
         return ""
     seen = np.bincount(run.tracks.point)
     seen = seen[seen > 0]
-    counts = np.bincount(np.minimum(seen, _LONGEST), minlength=_LONGEST + 1)[2:]
-    drawn = count_histogram(counts.tolist(), 2, "photographs that see a point", "Points", last_is_more=True)
+    counts = np.bincount(np.minimum(seen, _LONGEST), minlength=_LONGEST + 1).tolist()
+    drawn = count_histogram(dict(enumerate(counts[2:], 2)), "photographs that see a point", "Points")
     said = f"{len(seen):,} points; a point is seen by {seen.mean():.2f} photographs on average, median {np.median(seen):.0f}."
     return tag("div", tag("h3", "Track lengths") + tag("p", said, class_="dim") + drawn, class_="card")
 

@@ -136,9 +136,9 @@ def _breaking(part: str, rows: Sequence[MethodRow]) -> str:
             escape(row.perturbation.judge.name),
             f"{row.perturbation.judge.mark:g}",
             number(row.doses[0].accuracy, 3),
-            _dose(row, row.breaking, "never"),
+            _dose(row, row.breaking),
             _state(row, row.breaking),
-            _dose(row, row.noticed, "never"),
+            _dose(row, row.noticed),
         )
         for row in rows
         if row.perturbation.part == part
@@ -156,8 +156,8 @@ def _breaking(part: str, rows: Sequence[MethodRow]) -> str:
     return tag("h3", escape(part)) + table(heads, cells, numeric=(3, 4))
 
 
-def _dose(row: MethodRow, dose: Dose | None, never: str) -> str:
-    return never if dose is None else f"{dose.dose:g} {escape(row.perturbation.dose_unit)}"
+def _dose(row: MethodRow, dose: Dose | None) -> str:
+    return "never" if dose is None else f"{dose.dose:g} {escape(row.perturbation.dose_unit)}"
 
 
 def _state(row: MethodRow, dose: Dose | None) -> str:

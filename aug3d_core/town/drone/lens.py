@@ -48,13 +48,11 @@ class Lens:
         """Whether the lens differs from a pinhole."""
         return self.k1 != 0 or self.k2 != 0
 
-    def distort(self, rays: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
-        """Map rays (x, y) at z = 1 to where they fall, in focal lengths from the middle."""
-        squared = (rays**2).sum(axis=-1, keepdims=True)
-        return rays * (1 + self.k1 * squared + self.k2 * squared**2)
-
     def undistort(self, falls: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
-        """Invert `distort` by Newton's method on the radius."""
+        """Return the rays (x, y) at z = 1 that fall on places, in focal lengths from the middle.
+
+        By Newton's method on the radius.
+        """
         wanted = np.linalg.norm(falls, axis=-1, keepdims=True)
         radius = wanted.copy()
         for _ in range(50):

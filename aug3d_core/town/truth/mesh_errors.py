@@ -86,4 +86,4 @@ def _eyes(points: Float[np.ndarray, "p 3"], views: Views, hiding: Raycaster | No
 def _hidden(
     points: Float[np.ndarray, "p 3"], eye: Float[np.ndarray, " 3"], hiding: Raycaster
 ) -> Bool[np.ndarray, " p"]:
-    return hiding.occluded(eye, points - eye, 0.0, _ALMOST)
+    return hiding.occluded(eye, points - eye, _ALMOST)

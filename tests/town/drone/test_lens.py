@@ -12,18 +12,23 @@ def lens(k1: float = -0.15, k2: float = 0.03, width: int = 320) -> Lens:
     return Lens.of(TownConfig(width_px=width, radial_k1=k1, radial_k2=k2))
 
 
+def falls(bent: Lens, rays: np.ndarray) -> np.ndarray:
+    """Where rays fall, in focal lengths from the middle, as COLMAP's RADIAL model says."""
+    squared = (rays**2).sum(axis=-1, keepdims=True)
+    return rays * (1 + bent.k1 * squared + bent.k2 * squared**2)
+
+
 @given(st.floats(-0.2, 0.3), st.floats(0, 0.1), st.floats(-0.64, 0.64), st.floats(-0.48, 0.48))
 def test_undistorting_undoes_distorting(k1, k2, x, y):
     bent = lens(k1, k2)
     fall = np.array([x, y])
-    np.testing.assert_allclose(bent.distort(bent.undistort(fall)), fall, atol=1e-9)
+    np.testing.assert_allclose(falls(bent, bent.undistort(fall)), fall, atol=1e-9)
 
 
 def test_no_coefficients_change_nothing():
     straight = lens(0, 0)
     assert not straight.bends
     points = np.random.default_rng(0).uniform(-0.6, 0.6, (20, 2))
-    np.testing.assert_array_equal(straight.distort(points), points)
     np.testing.assert_allclose(straight.undistort(points), points)
 
 
@@ -51,9 +56,7 @@ def test_a_point_lands_where_the_model_says(k1, k2):
     wide = dots(width, height, rays * bent.focal_px + [width / 2, height / 2])
     photo = bent.resample(wide)
     assert photo.shape == (240, 320, 3)
-    r2 = (rays**2).sum(axis=1, keepdims=True)
-    expected = bent.focal_px * rays * (1 + k1 * r2 + k2 * r2**2) + [160, 120]
-    for place in expected:
+    for place in bent.focal_px * falls(bent, rays) + [160, 120]:
         assert np.linalg.norm(blob_at(photo, place) - place) < 0.1
 
 

@@ -7,7 +7,7 @@ from aug3d_core.studies.stability.world import LONG_TOWN
 
 _DAMAGES = "aug3d_core.studies.stability.damages.tracks"
 _WAYS = {way: (f"grouping.method={way}",) for way in ("sequence", "grid", "ray", "shared", "surface")}
-# Every second draw of three inputs then holds one that shows next to nothing of the centre (`grouping/audit.py`)
+# Every second draw of three inputs then holds one that shows next to nothing of the centre (`groups/audit.py`)
 BELONG = Judge("bad_members_share", "lower", 0.2, "every fifth member sees next to nothing of the centre", "overlap")
 
 PERTURBATIONS = (
