@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
@@ -12,7 +12,6 @@ from typing import Any
 from rich.console import Console
 
 from aug3d_core.poses.recognise import CLOUD, GLB, MAP
-from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 
@@ -43,7 +42,7 @@ def export_map(store: Store, version: Mapping[str, Any], folder: Path, as_json: 
     """Write the map of a scene, and tell it."""
     from aug3d_core.export import maps  # with rasterio and open3d, which other commands do without
 
-    sfm, surface, photos = _folders(store, version, maps.read_of, "sfm", "surface", "photos")
+    sfm, surface, photos = _folders(store, version, maps.READ, "sfm", "surface", "photos")
     console = Console(stderr=True)
     with console.status("drawing the map ...") as status:
         written = maps.export_map(
@@ -69,7 +68,7 @@ def export_model(store: Store, version: Mapping[str, Any], folder: Path, as_json
     """Write the mesh of a scene, and tell it."""
     from aug3d_core.export import glb  # with trimesh, which other commands do without
 
-    sfm, surface = _folders(store, version, glb.read_of, "sfm", "surface")
+    sfm, surface = _folders(store, version, glb.READ, "sfm", "surface")
     written = glb.export_glb(sfm, surface, folder)
     if as_json:
         print(json.dumps({"folder": str(folder), "format": GLB, **asdict(written)}))
@@ -81,7 +80,7 @@ def export_points(store: Store, version: Mapping[str, Any], folder: Path, as_jso
     """Write the point cloud of a scene, and tell it."""
     from aug3d_core.export import points  # with laspy and rasterio, which other commands do without
 
-    sfm, depth = _folders(store, version, points.read_of, "sfm", "depth")
+    sfm, depth = _folders(store, version, points.READ, "sfm", "depth")
     written = points.export_points(sfm, depth, folder)
     if as_json:
         print(json.dumps({"folder": str(folder), "format": CLOUD, **asdict(written)}))
@@ -100,8 +99,8 @@ def _tell_heights(from_zero: bool) -> None:
 
 
 def _folders(
-    store: Store, version: Mapping[str, Any], read_of: Callable[[Record], list[str]], *steps: str
+    store: Store, version: Mapping[str, Any], reads: Mapping[str, Sequence[str]], *steps: str
 ) -> Iterator[Path]:
     """Return where the files of steps lie; only those that are read are brought here."""
     records = (object_of(store, version, step) for step in steps)
-    return (store.files_dir(record, read_of(record)) for record in records)
+    return (store.files_dir(record, record.named(reads)) for record in records)

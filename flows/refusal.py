@@ -13,8 +13,9 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from aug3d_core.export.target_folder import target_full
 from aug3d_core.run.errors import Aug3dError, StageFailed, UsageError
-from aug3d_core.run.full_disk import NO_ROOM_BYTES, disk_failure, disk_full, free_bytes
+from aug3d_core.run.full_disk import NO_ROOM_BYTES, NO_ROOM_ERRORS, disk_failure, disk_full, free_bytes
 
 _ALLOW = "let this user read or write it, or name another path"
 _REMEDIES = {
@@ -41,7 +42,7 @@ def typed_errors(as_json: bool, home: Path = Path(), *, goes_on: bool = False) -
         raise
     except Exception as error:  # of any library that meets a full disk, or a server whose database is on it
         if disk_full(error) or _no_room(home):
-            raise _left(disk_failure(home, _briefly(error)), as_json) from error
+            raise _left(_disk_failure(home, error), as_json) from error
         if not (isinstance(error, OSError) and error.filename and error.errno in _REMEDIES):
             raise
         raise _left(_path_failure(error), as_json) from error
@@ -55,6 +56,14 @@ def _no_room(home: Path) -> bool:
         return free_bytes(home) <= NO_ROOM_BYTES
     except OSError:  # a home that cannot be looked at has a trouble of its own
         return False
+
+
+def _disk_failure(home: Path, error: Exception) -> Aug3dError:
+    """Return the typed error of the disk that is full: that of the file which the system names, else the home's."""
+    named = error.filename if isinstance(error, OSError) and error.errno in NO_ROOM_ERRORS else None
+    if isinstance(named, str) and not Path(named).absolute().is_relative_to(home.absolute()):
+        return target_full(Path(named), _briefly(error))
+    return disk_failure(home, _briefly(error))
 
 
 def _path_failure(error: OSError) -> Aug3dError:

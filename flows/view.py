@@ -18,6 +18,7 @@ import typer
 from aug3d_core.store.scenes import object_of
 from aug3d_core.store.store import Store
 from flows.guard import TOKEN, Door, Guard
+from flows.options import DEFAULT_HOME, Home
 from flows.predict import judged_with
 from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from aug3d_core.view.predictor import Predictor
     from aug3d_core.view.viewer import Viewer
 
-HOME = Path("aug3d_data")
 PORT = 4300
 _NAMES = frozenset({"127.0.0.1", "localhost"})
 
@@ -38,7 +38,7 @@ def view(
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the page, on this machine alone; 0: any.")
     ] = PORT,
-    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs once the page is open.")] = False,
 ) -> None:
     """Fly through a finished scene in a browser: points, mesh, cameras, domes, and what its model predicts as you move.
@@ -57,13 +57,13 @@ def _serve(store: Store, scene: str, port: int, as_json: bool) -> None:
     version = version_with(store, scene, "sfm", "surface", "training")
     serving, own_password = _serving(store)
     # With numpy, torch and the server, which other commands do without
-    from aug3d_core.view.finished import photograph, read_finished, read_of
+    from aug3d_core.view.finished import READ, photograph, read_finished
     from aug3d_core.view.server import guarded_server, listening
     from aug3d_core.view.viewer import Viewer
 
     def folder_of(step: str) -> Path:
         record = object_of(store, version, step)
-        return store.files_dir(record, read_of(record))
+        return store.files_dir(record, record.named(READ))
 
     with listening(port) as socket:
         loading = ThreadPoolExecutor(1).submit(_predictor, store, version)

@@ -30,9 +30,9 @@ _MOST_TILT_DEG = 45.0
 class Advised:
     """A photograph to take. rank: from 1, by what it adds. adds: share of what was missing before all of them.
 
-    poor: share of what it shows of which more than POOR is missing. hole: share that the mesh has nothing of. error: of the
-    model where it looks, 1 as usual elsewhere. yaw_deg: clockwise from north (+y), of the upper edge of the picture. pitch_deg:
-    of the gimbal, -90 straight down.
+    poor: share of what it shows, as far as that was looked at, of which more than POOR is missing. hole: share that the mesh
+    has nothing of. error: of the model where it looks, 1 as usual elsewhere. yaw_deg: clockwise from north (+y), of the upper
+    edge of the picture. pitch_deg: of the gimbal, -90 straight down.
     """
 
     rank: int
@@ -56,6 +56,11 @@ class Choice:
     missing: tuple[float, ...]
     before: Float[np.ndarray, " s"]
     after: Float[np.ndarray, " s"]
+
+    @property
+    def looked_at(self) -> float:
+        """The share of the site that views which may be asked for show: of a large site, only where it is barest."""
+        return float(np.isfinite(self.before).mean())
 
 
 def candidates(
@@ -193,9 +198,10 @@ def _advised(
     adds: float,
 ) -> Advised:
     east, north, up = (float(value) for value in xyz)
-    here = np.nan_to_num(left[look.sample])
+    here = left[look.sample]
+    known = np.isfinite(here)
     return Advised(
         rank=rank, xyz=(east, north, up), yaw_deg=float(turn[0]), pitch_deg=float(turn[1]),
-        adds=adds, poor=float((here > POOR).mean()), hole=float(site.in_hole[look.sample].mean()),
-        error=float((error[look.sample] * here).sum() / here.sum()),
+        adds=adds, poor=float((here[known] > POOR).mean()), hole=float(site.in_hole[look.sample].mean()),
+        error=float(np.average(error[look.sample][known], weights=here[known])),
     )  # fmt: skip

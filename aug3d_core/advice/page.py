@@ -25,6 +25,8 @@ _MAP_PX, _GROUND_PX = 1100, 500
 _WORST, _BEST = np.array([196, 50, 40]), np.array([46, 140, 80])  # colours of nothing seen, and of nothing missing
 _ALPHA = 120
 _ARROW_PX, _DOT_PX = 30.0, 13.0
+_SPREAD_CELLS = 2.0  # so far a colour goes over cells without a sample of their own
+_ALL = 0.995  # looked at: as percents are rounded
 _LITTLE_M = 1.0  # higher than is lawful: the ground is not known better
 _STYLE = """<style>
 .map path.flown{stroke:#fff;stroke-width:2.5;opacity:.9;fill:none}.map .at{fill:#fff;opacity:.75}
@@ -64,16 +66,23 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
 
 
 def verdict(plan: Plan) -> str:
-    """Return the advice in one sentence."""
-    hole, poor = float(plan.site.in_hole.mean()), float((plan.choice.before > POOR).mean())
+    """Return the advice in a few words, and of how much of the site it is where that is not all."""
     before, after = plan.choice.missing[0], plan.choice.missing[-1]
+    if (looked_at := plan.choice.looked_at) < _ALL:
+        return f"{_verdict(plan, before, after, 'what was looked at')} {looked_at:.0%} of the site was looked at."
+    return _verdict(plan, before, after, "the site")
+
+
+def _verdict(plan: Plan, before: float, after: float, where: str) -> str:
+    known = np.isfinite(plan.choice.before)
+    hole, poor = float(plan.site.in_hole[known].mean()), float((plan.choice.before[known] > POOR).mean())
     if not plan.choice.advised:
         if before < 0.005:
             return "Nothing is missing: each place is photographed from wherever the flight looks."
         return f"{before:.0%} is missing of views like the flight's, but no photograph that may be taken would make up for it."
     holes = f", and the mesh has nothing of {hole:.0%}" if hole >= 0.005 else ""
     return (
-        f"{poor:.0%} of the site is poorly photographed{holes}. {len(plan.choice.advised)} more photographs would make up for"
+        f"{poor:.0%} of {where} is poorly photographed{holes}. {len(plan.choice.advised)} more photographs would make up for"
         f" {1 - after / before:.0%} of what is missing."
     )
 
@@ -138,7 +147,9 @@ def _map(plan: Plan, mesh: Mesh, missing: Float[np.ndarray, " s"], with_advice: 
         drawn += "".join(_mark(frame, one) for one in plan.choice.advised)
     title = "Map of what is missing, north up"
     return tag(
-        "div", svg(*frame.size, title, drawn + scale_bar(frame, plan.unit)) + _legend(with_advice), class_="card map"
+        "div",
+        svg(*frame.size, title, drawn + scale_bar(frame, plan.unit)) + _legend(plan, with_advice),
+        class_="card map",
     )
 
 
@@ -156,7 +167,10 @@ def _from_above(site: Site, mesh: Mesh, frame: Frame) -> UInt8[np.ndarray, "h w 
 
 
 def _missing(site: Site, frame: Frame, missing: Float[np.ndarray, " s"]) -> str:
-    """Return what is missing as colours, cell by cell: the mean over its samples; a cell without any has its neighbour's."""
+    """Return what is missing as colours, cell by cell: the mean over its samples; a cell without any has its neighbour's.
+
+    Where nothing near was looked at there is no colour.
+    """
     area = site.area
     rows, columns = area.wanted.shape
     column, row = np.floor((site.samples.xyz[:, :2] - area.low) / area.cell).astype(int).T
@@ -164,11 +178,11 @@ def _missing(site: Site, frame: Frame, missing: Float[np.ndarray, " s"]) -> str:
     known = np.isfinite(missing)
     count = np.bincount(cell[known], minlength=rows * columns)
     share = np.bincount(cell[known], 1 - missing[known], minlength=rows * columns) / np.maximum(count, 1)
-    nearest = distance_transform_edt(count.reshape(rows, columns) == 0, return_distances=False, return_indices=True)
-    share = share.reshape(rows, columns)[tuple(np.asarray(nearest))]
+    away, nearest = distance_transform_edt(count.reshape(rows, columns) == 0, return_indices=True)  # pyright: ignore
+    share = share.reshape(rows, columns)[tuple(nearest)]
     rgba = np.zeros((rows, columns, 4), np.uint8)
     rgba[..., :3] = _WORST + share[..., None] * (_BEST - _WORST)
-    rgba[..., 3] = np.where(area.wanted, _ALPHA, 0)
+    rgba[..., 3] = np.where(area.wanted & (away <= _SPREAD_CELLS), _ALPHA, 0)
     return cells(frame, area.low, area.cell, rgba)
 
 
@@ -182,9 +196,11 @@ def _mark(frame: Frame, one: Advised) -> str:
     return way + dot + text(x, y, str(one.rank), "middle", "rank")
 
 
-def _legend(with_advice: bool) -> str:
+def _legend(plan: Plan, with_advice: bool) -> str:
     keys = [(f"rgb{tuple(_WORST)}", "all is missing"), (f"rgb{tuple((_WORST + _BEST) // 2)}", "half of it")]
-    keys += [(f"rgb{tuple(_BEST)}", "nothing: photographed from wherever the flight looks"), ("#fff", "photographs")]
+    keys += [(f"rgb{tuple(_BEST)}", "nothing: photographed from wherever the flight looks")]
+    keys += [("none", "without colour: not looked at")] if plan.choice.looked_at < _ALL else []
+    keys += [("#fff", "photographs")]
     keys += [("#1f6feb", "to take, with its rank; the line points where the camera looks")] if with_advice else []
     return tag(
         "div",

@@ -24,7 +24,7 @@ from aug3d_core.dataset.bounds import edge_rays
 from aug3d_core.dataset.files import SCENE_ZARR
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.scene import Scene
-from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.target_folder import filling
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.photos.files import image_name
 from aug3d_core.run.errors import InputError
@@ -49,23 +49,23 @@ def export_dtu(dataset: Path, folder: Path) -> Written:
 
     Raises UsageError if the folder is not empty, InputError if the store is damaged or near and far do not fit the loader.
     """
-    check_empty(folder)
-    scene = read(dataset / SCENE_ZARR)
-    base, off_px, views = folder / CATEGORY, [0.0], 0
-    lists: dict[str, list[str]] = {"train": [], "val": [], "test": []}
-    for kind in ("real", "rendered", "test"):
-        for number, members in enumerate(scene.groups[kind]):
-            scan = f"{kind}_{number:05d}"
-            _write_scan(scene, members, base / scan, scan)
-            lists["test" if kind == "test" else "val" if number % _VALIDATION == _VALIDATION - 1 else "train"].append(
-                scan
-            )
-            k = scene.intrinsics[members]
-            off_px.append(float(np.abs(k - k.mean(axis=0)).max()))
-            views += len(members)
-    for name, scans in lists.items():
-        (base / f"new_{name}.lst").write_text("".join(f"{scan}\n" for scan in scans))
-    return Written({name: len(scans) for name, scans in lists.items()}, views, max(off_px))
+    with filling(folder):
+        scene = read(dataset / SCENE_ZARR)
+        base, off_px, views = folder / CATEGORY, [0.0], 0
+        lists: dict[str, list[str]] = {"train": [], "val": [], "test": []}
+        for kind in ("real", "rendered", "test"):
+            for number, members in enumerate(scene.groups[kind]):
+                scan = f"{kind}_{number:05d}"
+                _write_scan(scene, members, base / scan, scan)
+                lists[
+                    "test" if kind == "test" else "val" if number % _VALIDATION == _VALIDATION - 1 else "train"
+                ].append(scan)
+                k = scene.intrinsics[members]
+                off_px.append(float(np.abs(k - k.mean(axis=0)).max()))
+                views += len(members)
+        for name, scans in lists.items():
+            (base / f"new_{name}.lst").write_text("".join(f"{scan}\n" for scan in scans))
+        return Written({name: len(scans) for name, scans in lists.items()}, views, max(off_px))
 
 
 def cameras(scene: Scene, members: Int[np.ndarray, " k"], scan: str) -> dict[str, Float[np.ndarray, "4 4"]]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from aug3d_core.export.colmap_text import write_model
-from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.target_folder import filling
 from aug3d_core.geometry.camera_models import world_from_gl
 from aug3d_core.geometry.masks import save_mask, used_pixels
 from aug3d_core.geometry.ply import Mesh
@@ -53,24 +53,26 @@ def export(sfm: Path, photos: Path, form: str, folder: Path) -> int:
     """
     if form not in FORMATS:
         raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join((*FORMATS, DTU, MAP, GLB, CLOUD))}")
-    check_empty(folder)
-    if not ((sfm / VIEWS).is_file() and (photos / PHOTO_TABLE).is_file()):
-        raise StoreError(f"the scene's files are missing in {sfm} or {photos}", "run the scene again, then export it")
-    views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
-    table = read_photos(photos)
-    original = dict(zip(table["photo_id"], table["name"], strict=True))
-    names = [f"{original[photo_id]}{_COPY}" for photo_id in views.photo_id]
-    if form == COLMAP:
-        names = _without_spaces(names)
-    for photo_id, name in zip(views.photo_id, names, strict=True):
-        target = folder / IMAGES / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(sfm / VIEW_IMAGES / image_name(photo_id), target)
-    if form == COLMAP:
-        write_model(views, points, Tracks.load(sfm / TRACKS), names, folder / _MODEL)
-    else:
-        _write_nerfstudio(views, points, names, _masks(sfm, views, names, folder), folder)
-    return len(views)
+    with filling(folder):
+        if not ((sfm / VIEWS).is_file() and (photos / PHOTO_TABLE).is_file()):
+            raise StoreError(
+                f"the scene's files are missing in {sfm} or {photos}", "run the scene again, then export it"
+            )
+        views, points = Views.load(sfm / VIEWS), Points.load(sfm / POINTS)
+        table = read_photos(photos)
+        original = dict(zip(table["photo_id"], table["name"], strict=True))
+        names = [f"{original[photo_id]}{_COPY}" for photo_id in views.photo_id]
+        if form == COLMAP:
+            names = _without_spaces(names)
+        for photo_id, name in zip(views.photo_id, names, strict=True):
+            target = folder / IMAGES / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(sfm / VIEW_IMAGES / image_name(photo_id), target)
+        if form == COLMAP:
+            write_model(views, points, Tracks.load(sfm / TRACKS), names, folder / _MODEL)
+        else:
+            _write_nerfstudio(views, points, names, _masks(sfm, views, names, folder), folder)
+        return len(views)
 
 
 def _without_spaces(names: Sequence[str]) -> list[str]:

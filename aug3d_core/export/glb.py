@@ -21,16 +21,15 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from aug3d_core.export.finished import MESH_FILES, altitude_told, mesh_of, world_of
-from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.target_folder import filling
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.report.thumbnails import encoded
 from aug3d_core.sfm.files import WORLD
-from aug3d_core.store.record import Record
 
 MODEL, OFFSET = "mesh.glb", "offset.json"
-_READ = {"sfm": (WORLD,), "surface": MESH_FILES}
+READ = {"sfm": (WORLD,), "surface": MESH_FILES}  # stage -> files
 _QUALITY = 90  # of the texture, a JPEG inside the file
 _GLTF_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
@@ -44,22 +43,17 @@ class GlbWritten:
     mib: float
 
 
-def read_of(record: Record) -> list[str]:
-    """Return the files that `export_glb` reads of an output of a stage."""
-    return [name for name in record.files if name in _READ[record.stage]]
-
-
 def export_glb(sfm: Path, surface: Path, folder: Path) -> GlbWritten:
     """Write the mesh; raises UsageError if the folder is not empty, StoreError if files are missing."""
-    check_empty(folder)
-    (world, origin), mesh = world_of(sfm), mesh_of(surface)
-    middle = np.round((mesh.xyz.max(axis=0) + mesh.xyz.min(axis=0)).astype(float) / 2)
-    model = glb_of(mesh, middle)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / MODEL).write_bytes(model)
-    (folder / OFFSET).write_text(json.dumps(_offset(world, origin, middle), indent=1))
-    size = mesh.texture.shape[1::-1] if isinstance(mesh, TexturedMesh) else (0, 0)
-    return GlbWritten(len(mesh.triangles), (int(size[0]), int(size[1])), (folder / MODEL).stat().st_size / 2**20)
+    with filling(folder):
+        (world, origin), mesh = world_of(sfm), mesh_of(surface)
+        middle = np.round((mesh.xyz.max(axis=0) + mesh.xyz.min(axis=0)).astype(float) / 2)
+        model = glb_of(mesh, middle)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / MODEL).write_bytes(model)
+        (folder / OFFSET).write_text(json.dumps(_offset(world, origin, middle), indent=1))
+        size = mesh.texture.shape[1::-1] if isinstance(mesh, TexturedMesh) else (0, 0)
+        return GlbWritten(len(mesh.triangles), (int(size[0]), int(size[1])), (folder / MODEL).stat().st_size / 2**20)
 
 
 def glb_of(mesh: TexturedMesh | Mesh, middle_in_world: Float[np.ndarray, " 3"]) -> bytes:

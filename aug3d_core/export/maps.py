@@ -9,7 +9,10 @@ altitudes, or of the control points; where nothing told altitudes, they count fr
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +25,12 @@ import rasterio.shutil
 from jaxtyping import Float, UInt8
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp
+from rasterio.errors import RasterioError
 from rasterio.transform import Affine
 from rasterio.windows import Window
 
 from aug3d_core.export.finished import MESH_FILES, altitude_told, mesh_of, required, world_of
-from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.target_folder import filling
 from aug3d_core.export.utm import utm_from_world, zone_of
 from aug3d_core.geometry.geodesy import geodetic_from_enu
 from aug3d_core.geometry.ply import Mesh
@@ -37,12 +41,12 @@ from aug3d_core.geometry.views import Views
 from aug3d_core.photos.files import PHOTO_TABLE, read_photos
 from aug3d_core.report.top_view import frame_of
 from aug3d_core.run.errors import StoreError
+from aug3d_core.run.full_disk import NO_ROOM_BYTES, free_bytes
 from aug3d_core.sfm.files import VIEWS, WORLD
-from aug3d_core.store.record import Record
 
 ORTHOPHOTO, SURFACE_MODEL = "orthophoto.tif", "surface_model.tif"
 CAMERAS, CAMERAS_KML = "cameras.geojson", "cameras.kml"
-_READ = {
+READ = {  # stage -> what `export_map` reads of its output
     "sfm": (VIEWS, WORLD),
     "surface": MESH_FILES,
     "photos": (PHOTO_TABLE,),
@@ -101,11 +105,6 @@ class Grid:
         return np.stack([east, north, np.ones_like(east)], axis=-1) @ self.world_from_map.T
 
 
-def read_of(record: Record) -> list[str]:
-    """Return the files that `export_map` reads of an output of a stage."""
-    return [name for name in record.files if name in _READ[record.stage]]
-
-
 def export_map(
     sfm: Path, surface: Path, photos: Path, folder: Path, progress: Progress = lambda *_: None
 ) -> MapWritten:
@@ -113,17 +112,17 @@ def export_map(
 
     Raises UsageError if the folder is not empty, StoreError if files are missing, or the scene is too large for one map.
     """
-    check_empty(folder)
-    views, (world, origin), mesh = Views.load(required(sfm / VIEWS)), world_of(sfm), mesh_of(surface)
-    grid = grid_over(mesh, views, origin)
-    folder.mkdir(parents=True, exist_ok=True)
-    covered = _write(mesh, grid, origin, folder, progress)
-    unplaced = origin is not None and not altitude_told(world)
-    _write_cameras(views, photos, origin, _ground(folder / SURFACE_MODEL) if unplaced else None, folder)
-    crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
-    by_control = world.get("up_from") == _CONTROL
-    size = grid.pixels.a, grid.width, grid.height
-    return MapWritten(crs, by_control, world["unit"], *size, covered, len(views), not altitude_told(world))
+    with filling(folder):
+        views, (world, origin), mesh = Views.load(required(sfm / VIEWS)), world_of(sfm), mesh_of(surface)
+        grid = grid_over(mesh, views, origin)
+        folder.mkdir(parents=True, exist_ok=True)
+        covered = _write(mesh, grid, origin, folder, progress)
+        unplaced = origin is not None and not altitude_told(world)
+        _write_cameras(views, photos, origin, _ground(folder / SURFACE_MODEL) if unplaced else None, folder)
+        crs = f"EPSG:{grid.crs.to_epsg()}" if grid.crs else ""
+        by_control = world.get("up_from") == _CONTROL
+        size = grid.pixels.a, grid.width, grid.height
+        return MapWritten(crs, by_control, world["unit"], *size, covered, len(views), not altitude_told(world))
 
 
 def grid_over(mesh: TexturedMesh | Mesh, views: Views, origin: Float[np.ndarray, " 3"] | None) -> Grid:
@@ -183,35 +182,74 @@ def _write(
         "tiled": True, "blockxsize": _STRIP_ROWS, "blockysize": _STRIP_ROWS, "compress": "deflate", "BIGTIFF": "IF_SAFER",
     }  # fmt: skip
     parts = [folder / f".{name}.part" for name in (ORTHOPHOTO, SURFACE_MODEL)]
-    seen = 0
-    try:
-        with (
-            rasterio.open(
-                parts[0], "w", count=4, dtype="uint8", photometric="RGB", alpha="unspecified", **usual
-            ) as photo,
-            rasterio.open(parts[1], "w", count=1, dtype="float32", nodata=NO_HEIGHT, **usual) as model,
-        ):
-            photo.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
-            for top, rgba, heights in strips(mesh, grid, origin):
-                window = Window(0, top, grid.width, len(rgba))  # pyright: ignore[reportCallIssue]
-                photo.write(np.moveaxis(rgba, -1, 0), window=window)
-                model.write(heights, 1, window=window)
-                seen += int((rgba[..., 3] > 0).sum())
-                progress(top + len(rgba), grid.height)
-        for part, name, resampling in zip(parts, (ORTHOPHOTO, SURFACE_MODEL), ("average", "nearest"), strict=True):
-            rasterio.shutil.copy(
-                part,
-                folder / name,
-                driver="COG",
-                compress="deflate",
-                blocksize=_BLOCK_PX,
-                BIGTIFF="IF_SAFER",
-                overview_resampling=resampling,
-            )
-    finally:
-        for part in parts:
-            part.unlink(missing_ok=True)
+    seen, sums = 0, [0, 0]
+    with (
+        rasterio.open(parts[0], "w", count=4, dtype="uint8", photometric="RGB", alpha="unspecified", **usual) as photo,
+        rasterio.open(parts[1], "w", count=1, dtype="float32", nodata=NO_HEIGHT, **usual) as model,
+    ):
+        photo.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
+        for top, rgba, heights in strips(mesh, grid, origin):
+            bands = np.ascontiguousarray(np.moveaxis(rgba, -1, 0)), heights[None]
+            for number, (picture, band) in enumerate(zip((photo, model), bands, strict=True)):
+                picture.write(band, window=_rows(grid.width, top, len(rgba)))
+                sums[number] = zlib.crc32(band.data, sums[number])
+            seen += int((rgba[..., 3] > 0).sum())
+            progress(top + len(rgba), grid.height)
+    for part, name, resampling, wanted in zip(
+        parts, (ORTHOPHOTO, SURFACE_MODEL), ("average", "nearest"), sums, strict=True
+    ):
+        _copy_whole(part, folder / name, resampling, wanted)
+        part.unlink()
     return seen / (grid.width * grid.height)
+
+
+def _copy_whole(part: Path, file: Path, resampling: str, wanted: int) -> None:
+    """Copy a picture as a cloud-optimised GeoTIFF, which has its name only once all of it was read back.
+
+    GDAL keeps silent where the disk is full as it closes a file. wanted: checksum of all bands, strip by strip. Raises OSError
+    (ENOSPC) where there is no room for it.
+    """
+    copied = file.with_name(f".{file.name}.copied")
+    try:
+        rasterio.shutil.copy(
+            part,
+            copied,
+            driver="COG",
+            compress="deflate",
+            blocksize=_BLOCK_PX,
+            BIGTIFF="IF_SAFER",
+            overview_resampling=resampling,
+        )
+        if _sum_of(copied) != wanted:
+            raise RasterioError(f"{file} does not hold what was written to it")
+    except Exception as error:
+        # GDAL removes its overviews before it tells that they had no room, so that some may be free again
+        if free_bytes(file.parent) <= max(part.stat().st_size, NO_ROOM_BYTES):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file)) from error
+        raise
+    copied.replace(file)
+
+
+def _sum_of(file: Path) -> int:
+    """Return the checksum of all bands of a picture, strip by strip; its overviews are read, too."""
+    with rasterio.open(file) as picture:
+        levels, total = len(picture.overviews(1)), 0
+        for window in _strips_of(picture):
+            total = zlib.crc32(picture.read(window=window), total)
+    for level in range(levels):
+        with rasterio.open(file, overview_level=level) as overview:
+            for window in _strips_of(overview):
+                overview.read(window=window)
+    return total
+
+
+def _strips_of(picture: rasterio.DatasetReader) -> Iterator[Window]:
+    for top in range(0, picture.height, _STRIP_ROWS):
+        yield _rows(picture.width, top, min(_STRIP_ROWS, picture.height - top))
+
+
+def _rows(width: int, top: int, rows: int) -> Window:
+    return Window(0, top, width, rows)  # pyright: ignore[reportCallIssue]
 
 
 def strips(

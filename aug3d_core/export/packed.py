@@ -18,7 +18,7 @@ from aug3d_core.dataset.scene import Scene
 from aug3d_core.export.chunks import write_chunks
 from aug3d_core.export.plain import write_colmap, write_nerfstudio
 from aug3d_core.export.taken import TEST, TRAIN, Size, sequences
-from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.target_folder import filling
 from aug3d_core.export.wai import write_wai
 from aug3d_core.poses.recognise import COLMAP, NERFSTUDIO
 from aug3d_core.run.errors import UsageError
@@ -38,17 +38,17 @@ def export_packed(
     """
     if form not in PACKED_FORMATS:
         raise UsageError(f"there is no format {form!r}", f"choose one of {', '.join(PACKED_FORMATS)}")
-    check_empty(folder)
-    for name, scene, _ in scenes:
-        if size and (size[0] > scene.width_px or size[1] > scene.height_px):
-            raise UsageError(
-                f"views of {size[0]}x{size[1]} px are larger than those of {name}, {scene.width_px}x{scene.height_px}",
-                "choose a smaller size, or pack the scene larger (dataset.width_px, dataset.height_px)",
-            )
-    taken = [one for name, scene, trained in scenes for one in sequences(name, scene, trained, size)]
-    for part in (TRAIN, TEST):
-        (folder / part).mkdir(parents=True)
-    PACKED_FORMATS[form](taken, folder)
-    index = {one.key: {"context": list(one.context), "target": list(one.target)} for one in taken if one.target}
-    (folder / EVALUATION_INDEX).write_text(json.dumps(index, indent=1))
-    return {part: sum(one.part == part for one in taken) for part in (TRAIN, TEST)}
+    with filling(folder):
+        for name, scene, _ in scenes:
+            if size and (size[0] > scene.width_px or size[1] > scene.height_px):
+                raise UsageError(
+                    f"views of {size[0]}x{size[1]} px are larger than those of {name}, {scene.width_px}x{scene.height_px}",
+                    "choose a smaller size, or pack the scene larger (dataset.width_px, dataset.height_px)",
+                )
+        taken = [one for name, scene, trained in scenes for one in sequences(name, scene, trained, size)]
+        for part in (TRAIN, TEST):
+            (folder / part).mkdir(parents=True)
+        PACKED_FORMATS[form](taken, folder)
+        index = {one.key: {"context": list(one.context), "target": list(one.target)} for one in taken if one.target}
+        (folder / EVALUATION_INDEX).write_text(json.dumps(index, indent=1))
+        return {part: sum(one.part == part for one in taken) for part in (TRAIN, TEST)}

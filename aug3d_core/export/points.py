@@ -18,16 +18,15 @@ from laspy.vlrs.known import WktCoordinateSystemVlr
 
 from aug3d_core.depth.files import BASELINE_FUSED
 from aug3d_core.export.finished import altitude_told, required, world_of
-from aug3d_core.export.target_folder import check_empty
+from aug3d_core.export.target_folder import filling
 from aug3d_core.export.utm import utm_from_world, zone_of
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.stored_points import StoredPoints
 from aug3d_core.run.errors import StoreError
 from aug3d_core.sfm.files import WORLD
-from aug3d_core.store.record import Record
 
 LAZ, PLY = "points.laz", "points.ply"
-_READ = {"sfm": (WORLD,), "depth": (BASELINE_FUSED,)}
+READ = {"sfm": (WORLD,), "depth": (BASELINE_FUSED,)}  # stage -> files
 _PART = 1_000_000  # points at a time
 _FORMAT, _VERSION = 7, "1.4"  # of LAS: the smallest with colours that takes a reference system as text
 _COARSEST = 1e-3  # unit of whole numbers in the LAZ; finer in a small scene
@@ -50,30 +49,25 @@ class PointsWritten:
     heights_from_zero: bool = False
 
 
-def read_of(record: Record) -> list[str]:
-    """Return the files that `export_points` reads of an output of a stage."""
-    return [name for name in record.files if name in _READ[record.stage]]
-
-
 def export_points(sfm: Path, depth: Path, folder: Path) -> PointsWritten:
     """Write the points; raises UsageError if the folder is not empty, StoreError if files are missing or hold no points."""
-    check_empty(folder)
-    (world, origin), fused = world_of(sfm), required(depth / BASELINE_FUSED)
-    count, low, high = _extent(fused)
-    step = min(_COARSEST, 10.0 ** (np.floor(np.log10(max(float((high - low).max()), _COARSEST))) - _DIGITS))
-    folder.mkdir(parents=True, exist_ok=True)
-    with (
-        (folder / PLY).open("wb") as ply,
-        laspy.open(
-            folder / LAZ, "w", header=_header(low, origin, step), laz_backend=laspy.LazBackend.LazrsParallel
-        ) as laz,
-    ):
-        ply.write(_ply_header(count))
-        for part in StoredPoints.open(fused).parts(_PART):
-            ply.write(_vertices(part).tobytes())
-            laz.write_points(_records(part, laz.header, origin))
-    crs = "" if origin is None else f"EPSG:{zone_of(origin).to_epsg()}"
-    return PointsWritten(count, crs, world["unit"], step, not altitude_told(world))
+    with filling(folder):
+        (world, origin), fused = world_of(sfm), required(depth / BASELINE_FUSED)
+        count, low, high = _extent(fused)
+        step = min(_COARSEST, 10.0 ** (np.floor(np.log10(max(float((high - low).max()), _COARSEST))) - _DIGITS))
+        folder.mkdir(parents=True, exist_ok=True)
+        with (
+            (folder / PLY).open("wb") as ply,
+            laspy.open(
+                folder / LAZ, "w", header=_header(low, origin, step), laz_backend=laspy.LazBackend.LazrsParallel
+            ) as laz,
+        ):
+            ply.write(_ply_header(count))
+            for part in StoredPoints.open(fused).parts(_PART):
+                ply.write(_vertices(part).tobytes())
+                laz.write_points(_records(part, laz.header, origin))
+        crs = "" if origin is None else f"EPSG:{zone_of(origin).to_epsg()}"
+        return PointsWritten(count, crs, world["unit"], step, not altitude_told(world))
 
 
 def _extent(fused: Path) -> tuple[int, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from aug3d_core.geometry.robust import spread
 from aug3d_core.geometry.similarity import Similarity, fit_similarity_robustly
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.geometry.up_direction import fit_up, ground_height, rotation_to_z, up_from_cameras
@@ -126,7 +127,7 @@ def _fit_gps(
     if measured.sum() >= _FEWEST_ALTITUDES:
         there_m = gps_enu_m[measured]
         fit, used = fit_similarity_robustly(centres_in_model[measured], there_m, rng)
-        up_noise_m = 1.4826 * np.median(np.abs((fit.apply(centres_in_model[measured]) - there_m)[used, 2]))
+        up_noise_m = spread((fit.apply(centres_in_model[measured]) - there_m)[used, 2])
         across_m = np.linalg.svd(there_m[used, :2] - there_m[used, :2].mean(axis=0), compute_uv=False)[-1]
         tilt_deg = np.degrees(np.arctan2(max(up_noise_m, _ALTITUDE_NOISE_M), across_m))
         if tilt_deg <= _MOST_TILT_DEG and fit.scale > 0 and not _leans(cam_from_model, fit, level):

@@ -13,6 +13,8 @@ from jaxtyping import Float
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from aug3d_core.geometry.robust import spread
+
 # A bowl of 1 % of the extent leans at its rim by 4 %, 2.3 degrees: more than the 1.5 degrees of doubt about the vertical
 # at which `align` stops believing GPS altitudes. The town, unbent, has some hundredths of a percent.
 MOST_PCT = 1.0
@@ -126,7 +128,7 @@ def seek(basis: Float[np.ndarray, "n m"], values: Float[np.ndarray, " n"], least
     left = np.sort(np.abs(values - basis @ fit))[basis.shape[1] :]
     if not len(left):
         return None
-    used = np.abs(values - basis @ fit) <= 4 * max(1.4826 * float(np.median(left)), least)
+    used = np.abs(values - basis @ fit) <= 4 * max(spread(left), least)
     free = int(used.sum()) - basis.shape[1]
     if free < 1:
         return None

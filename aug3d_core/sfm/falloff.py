@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from aug3d_core.geometry.robust import spread
+
 _DARK, _BRIGHT = 8, 247  # levels beyond which a camera shows no differences
 _FEWEST_PAIRS, _FEWEST_VIEWS = 500, 8
 _PARTS = 8  # of the flight, left out in turn to tell how sure the light in the corners is
@@ -122,7 +124,7 @@ def _fitted(
         weighted = places * weight[:, None]
         found = np.linalg.lstsq(weighted.T @ places, weighted.T @ told[:, 0], rcond=None)[0]
         off = np.abs(told[:, 0] - places @ found)
-        usual = 1.4826 * float(np.median(off))
+        usual = spread(off)
         weight = importance / np.maximum(1, off / max(_USUAL * usual, 1e-9))
     return found
 

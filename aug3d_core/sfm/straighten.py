@@ -16,6 +16,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float
 
+from aug3d_core.geometry.robust import spread
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import centres
 from aug3d_core.sfm import export
@@ -101,7 +102,7 @@ def _by_gps(at: Float[np.ndarray, "n 3"], gps_enu_m: Float[np.ndarray, "n 3"], f
     there_m[:, 2] += fit.drift_m
     noise_m = []
     for off in off_m[np.isfinite(off_m).all(axis=1), :2].T:
-        noise = 1.4826 * float(np.median(np.abs(off)))
+        noise = spread(off)
         noise_m.append(noise * alike(np.clip(off, -3 * noise, 3 * noise)) ** 0.5)
     return _Places(there_m, np.maximum([*noise_m, fit.noise_m], _LEAST_M))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,10 @@ class Record(Frozen):
     def size_bytes(self) -> int:
         """Bytes that the object's files occupy."""
         return sum(entry.size_bytes for entry in self.files.values())
+
+    def named(self, reads: Mapping[str, Sequence[str]]) -> list[str]:
+        """Return the files that are named for its stage. reads: stage -> names, of which some may be lacking here."""
+        return [name for name in self.files if name in reads[self.stage]]
 
     @property
     def grew(self) -> bool:

@@ -47,8 +47,10 @@ def write_film(
     file = new_file(folder, name)
     try:
         video.save(frames, file, FRAMES_PER_SECOND)
-    except OSError as error:
+    except BaseException as error:
         file.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         raise UsageError(f"{file} cannot be written: {error}", "make room, or start aug3d view elsewhere") from error
     report(total, total)
     return file

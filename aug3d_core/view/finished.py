@@ -22,22 +22,16 @@ from aug3d_core.photos.files import PHOTO_TABLE, image_name
 from aug3d_core.run.errors import Aug3dError
 from aug3d_core.sfm.files import POINTS, TRACKS, UNPLACED, VIEW_IMAGES, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE, read_roles
-from aug3d_core.store.record import Record
 
 # Of each step of a run. Data set and model are read whole by who predicts; a photograph is read when it is asked for
-_READ = {
+READ = {
     "photos": (PHOTO_TABLE,),
     "sfm": (VIEWS, POINTS, TRACKS, UNPLACED),
     "grouping": (SPLIT_TABLE, GROUPS),
     "sampling": (CAMERAS,),
     "surface": MESH_FILES,
 }
-STEPS = tuple(_READ)
-
-
-def read_of(record: Record) -> list[str]:
-    """Return the files that `read_finished` reads of an output of a stage."""
-    return [name for name in record.files if name in _READ[record.stage]]
+STEPS = tuple(READ)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,21 @@ from websockets.http11 import Request, Response
 from aug3d_core.run.errors import Aug3dError, UsageError
 
 HOST = "127.0.0.1"
+# viser's page is one inline script that makes others: those cannot be told from a stranger's, but what a stranger's HTML would
+# need beside them is forbidden: handlers in attributes, frames, and any other server
+_PAGE_MAY = "; ".join(
+    (
+        "default-src 'self' data: blob:",
+        "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+        "script-src-attr 'none'",
+        "style-src 'self' 'unsafe-inline'",
+        "frame-src 'none'",
+        "object-src 'none'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'self'",
+    )
+)
 # What ASGI calls them; a gate is given the app that it stands before
 Message = MutableMapping[str, Any]
 App = Callable[[Message, Callable[[], Awaitable[Message]], Callable[[Message], Awaitable[None]]], Awaitable[None]]
@@ -89,6 +104,7 @@ def _asking(gate: Gate, page: Callable[[Any, Request], Response | None]) -> Call
             answer = page(connection, request)
             assert answer is not None  # it answers all but web sockets
             headers = [(name.lower().encode(), value.encode()) for name, value in answer.headers.raw_items()]
+            headers.append((b"content-security-policy", _PAGE_MAY.encode()))
             await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
             await send({"type": "http.response.body", "body": bytes(answer.body or b"")})
 

@@ -20,6 +20,7 @@ from aug3d_core.view.colours import GROUP, REGISTRATION, SPLIT, colours_of
 from aug3d_core.view.film import write_film
 from aug3d_core.view.finished import Finished
 from aug3d_core.view.latest import Latest
+from aug3d_core.view.markdown import literal, told
 from aug3d_core.view.pictures import COLOUR, OVERLAYS, Predicted, enlarged, overlaid, photograph
 from aug3d_core.view.poses import Pose, fov_of, from_browser, to_browser
 from aug3d_core.view.server import stop
@@ -59,9 +60,9 @@ class Viewer:
         self._predictor = predictor
         self._latest.ask(self._pose)
 
-    def say(self, why: str) -> None:
+    def say(self, why: Exception) -> None:
         """Tell, in place of the figures of predictions, why there are none."""
-        self._told.content = why
+        self._told.content = f"**No predictions**: {told(why)}"
 
     def close(self) -> None:
         """Stop predicting and serving."""
@@ -112,18 +113,18 @@ class Viewer:
             view = predictor.predict(pose, quick=not still, half=half)
         except Aug3dError as error:
             self._view, self._picture.image = None, _GREY
-            self._told.content = f"{error.problem}: {error.remedy}"
+            self._told.content = told(error)
             return
         except Exception as error:  # a GPU without memory, say: this thread must live to predict the next view
             self._view, self._picture.image = None, _GREY
-            self._told.content = f"**This view failed**: {type(error).__name__}: {error}"
+            self._told.content = f"**This view failed**: {told(error)}"
             return
         if not still:
             self._seconds.append(view.seconds * (_HALF_TIMES if half else 1))
         self._view = view
         self._draw()
         height, width = view.colour.shape[:2]
-        from_photos = ", ".join(self._shown.names.get(one, str(one)) for one in view.photo_ids)
+        from_photos = literal(", ".join(self._shown.names.get(one, str(one)) for one in view.photo_ids))
         figures = f"{view.seconds:.2f} s a view, {1 / view.seconds:.1f} views a second, {width} x {height} px"
         self._told.content = f"{figures}\n\nfrom {from_photos}"
 
@@ -138,11 +139,11 @@ class Viewer:
         try:
             self._photo.image = photograph(self._photo_of(photo_id))
         except (Aug3dError, OSError) as error:
-            self._photo_told.content = str(error)
+            self._photo_told.content = told(error)
             return
         role, group, error_px = shown.roles[row] or "none", int(shown.group[row]), shown.error_px[row]
         self._photo_told.content = (
-            f"**{shown.names.get(photo_id, photo_id)}** (photo {photo_id})\n\nsplit: {role}; group: "
+            f"**{literal(shown.names.get(photo_id, str(photo_id)))}** (photo {photo_id})\n\nsplit: {role}; group: "
             f"{'none' if group < 0 else group}; reprojection error: {error_px:.2f} px"
         )
         self._photo.visible = self._go.visible = True
@@ -181,19 +182,19 @@ class Viewer:
             self._path.content = "there is no model to film with"
             return
         self._write.disabled = True
-        told = time.monotonic()
+        reported = time.monotonic()
 
         def report(done: int, total: int) -> None:
-            nonlocal told
-            if done == total or time.monotonic() - told > 0.5:
-                told = time.monotonic()
+            nonlocal reported
+            if done == total or time.monotonic() - reported > 0.5:
+                reported = time.monotonic()
                 self._path.content = f"{done} of {total} frames"
 
         try:
             file = write_film(self._predictor, tuple(self._keys), self._folder, f"view_{self._shown.name}", report)
-            self._path.content = f"written: `{file}`"
-        except Aug3dError as error:
-            self._path.content = f"{error.problem}: {error.remedy}"
+            self._path.content = f"written: {literal(str(file))}"
+        except Exception as error:  # viser tells it nobody who looks at the page
+            self._path.content = f"**No film**: {told(error)}"
         finally:
             self._write.disabled = False
 
@@ -206,5 +207,6 @@ def _level(event: viser.GuiEvent) -> None:
 
 def _notes(shown: Finished) -> str:
     placed = len(shown.views)
-    lines = [f"{placed} of {placed + shown.unplaced} photographs have a pose. Red cameras: test views.", *shown.lacks]
+    lines = [f"{placed} of {placed + shown.unplaced} photographs have a pose. Red cameras: test views."]
+    lines += map(literal, shown.lacks)
     return "\n\n".join(lines)

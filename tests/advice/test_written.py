@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ from aug3d_core.advice.page import advice_page, caution, verdict
 from aug3d_core.advice.plan import Plan, plan_of
 from aug3d_core.advice.route import along
 from aug3d_core.advice.written import write_advice
-from aug3d_core.run.errors import StoreError
+from aug3d_core.run.errors import DiskFull, StoreError
 from tests.advice.flown_site import ORIGIN, mesh, site, views, write_scene
+from tests.export.full_disk import full_disk
 
 
 def written(plan: Plan, folder: Path) -> str:
@@ -103,3 +105,12 @@ def test_where_gps_told_no_altitudes_none_are_made_up(tmp_path: Path) -> None:
     assert all(row["alt_m"] == "" for row in csv.DictReader(table))
     kml = (tmp_path / "advice" / "advice.kml").read_text()
     assert "absolute" not in kml and "relativeToGround" in kml and "nan" not in kml.lower()
+
+
+def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(DiskFull, match=f"{tmp_path}/advice: .*No space left"):
+        written(by_hand(), tmp_path / "advice")
+    assert not (tmp_path / "advice").exists()

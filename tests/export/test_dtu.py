@@ -16,7 +16,8 @@ from aug3d_core.dataset.scene import Scene
 from aug3d_core.dataset.writer import write
 from aug3d_core.export.dtu import CATEGORY, FAR, NEAR, cameras, export_dtu
 from aug3d_core.geometry.transforms import apply, invert, project
-from aug3d_core.run.errors import InputError, UsageError
+from aug3d_core.run.errors import DiskFull, InputError, UsageError
+from tests.export.full_disk import full_disk
 from tests.toy_scene import toy_scene
 
 
@@ -126,3 +127,12 @@ def test_cameras_that_differ_within_a_scan_are_measured(scene: Scene, tmp_path: 
 def test_nothing_is_overwritten(exported: Path) -> None:
     with pytest.raises(UsageError, match="not an empty folder"):
         export_dtu(exported.parent, exported)
+
+
+def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(DiskFull, match=f"{tmp_path}/out: .*No space left"):
+        export_dtu(exported.parent, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -19,7 +19,8 @@ from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.poses.match import match_photos
 from aug3d_core.poses.nerfstudio import read_transforms
 from aug3d_core.poses.recognise import COLMAP, NERFSTUDIO, recognise
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import DiskFull, StoreError, UsageError
+from tests.export.full_disk import full_disk
 
 
 @pytest.fixture
@@ -45,6 +46,16 @@ def scene(tmp_path: Path) -> tuple[Path, Path, Views]:
     names = ["a/1.jpg", "lost.jpg", "a/2.JPG", "b/2.JPG"]
     pd.DataFrame({"photo_id": range(4), "name": names}).to_parquet(photos / "photos.parquet")
     return sfm, photos, views
+
+
+@pytest.mark.parametrize("form", [COLMAP, NERFSTUDIO])
+def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(
+    form: str, scene: tuple[Path, Path, Views], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(DiskFull, match=f"{tmp_path}/out: .*No space left"):
+        export(*scene[:2], form, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_nerfstudio_reads_back_to_the_same_poses_and_cameras(scene: tuple[Path, Path, Views], tmp_path: Path) -> None:

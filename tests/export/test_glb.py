@@ -14,7 +14,8 @@ from aug3d_core.export.glb import MODEL, OFFSET, export_glb
 from aug3d_core.geometry.geodesy import enu_from_geodetic
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import DiskFull, StoreError, UsageError
+from tests.export.full_disk import full_disk
 
 ORIGIN = {"lat_deg": 46.9, "lon_deg": 7.5, "alt_m": 538.0}
 FAR = np.array([5000.25, -3000.5, 20.0])  # where single precision has 0.5 mm left
@@ -55,6 +56,15 @@ def opened(file: Path) -> dict:
     done = subprocess.run([sys.executable, "-c", _OPEN, str(file)], capture_output=True, text=True, timeout=300)
     assert "FOUND" in done.stdout, done.stderr[-2000:]
     return json.loads(done.stdout.partition("FOUND")[2].splitlines()[0])
+
+
+def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(
+    scene: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    with pytest.raises(DiskFull, match=f"{tmp_path}/glb: .*No space left"):
+        export_glb(*scene, tmp_path / "glb")
+    assert not (tmp_path / "glb").exists()
 
 
 def test_blender_finds_every_corner_where_it_was(scene: tuple[Path, Path], tmp_path: Path) -> None:

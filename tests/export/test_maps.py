@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,10 +14,13 @@ import pytest
 import rasterio
 import rasterio.shutil
 from PIL import Image
+from rasterio.errors import RasterioError
 from rasterio.warp import transform
+from rasterio.windows import Window
 from scipy.spatial.transform import Rotation
 
 from aug3d_core.advice.choice import pose
+from aug3d_core.export import maps
 from aug3d_core.export.maps import (
     CAMERAS,
     CAMERAS_KML,
@@ -31,7 +36,7 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.textured import TexturedMesh
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import DiskFull, StoreError, UsageError
 
 ORIGIN = {"lat_deg": 46.9, "lon_deg": 7.5, "alt_m": 538.0}
 HALF_M, ROOF_M, HIGH_M = 40.0, 12.0, 100.0
@@ -160,10 +165,74 @@ def test_what_tells_the_world_is_told_by_name(scene: tuple[Path, Path, Path], tm
 def test_a_map_may_be_larger_than_a_plain_tiff(
     scene: tuple[Path, Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[dict] = []
-    monkeypatch.setattr(rasterio.shutil, "copy", lambda *_, **options: asked.append(options))
+    asked, copy = list[dict](), rasterio.shutil.copy
+
+    def copied(*files: Path, **options: object) -> None:
+        asked.append(options)
+        copy(*files, **options)
+
+    monkeypatch.setattr(rasterio.shutil, "copy", copied)
     written(scene, tmp_path / "map")
     assert [one["BIGTIFF"] for one in asked] == ["IF_SAFER"] * 2
+
+
+def lost_at_the_end(part: Path, copied: Path) -> None:
+    os.truncate(copied, copied.stat().st_size * 9 // 10)
+
+
+def lost_in_the_middle(part: Path, copied: Path) -> None:
+    size = copied.stat().st_size
+    with copied.open("r+b") as file:
+        file.seek(size // 2)
+        file.write(bytes(size // 4))
+
+
+def lost_before_it_was_copied(part: Path, copied: Path) -> None:
+    with rasterio.open(part, "r+") as picture:
+        picture.write(np.zeros((1, 40, 40), picture.dtypes[0]), [1], window=Window(60, 60, 40, 40))  # type: ignore[call-arg]
+    copied.unlink()
+    rasterio.shutil.copy(part, copied, driver="COG", compress="deflate")
+
+
+@pytest.mark.parametrize("full", [True, False])
+@pytest.mark.parametrize("lost", [lost_at_the_end, lost_in_the_middle, lost_before_it_was_copied])
+@pytest.mark.parametrize("name", [ORTHOPHOTO, SURFACE_MODEL])
+def test_a_picture_that_gdal_lost_some_of_in_silence_is_not_called_written(
+    name: str,
+    lost: Callable[[Path, Path], None],
+    full: bool,
+    scene: tuple[Path, Path, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    copy = rasterio.shutil.copy
+
+    def losing(part: Path, copied: Path, **options: object) -> None:
+        copy(part, copied, **options)
+        if name in part.name:
+            monkeypatch.setattr(rasterio.shutil, "copy", copy)
+            lost(part, copied)
+
+    monkeypatch.setattr(rasterio.shutil, "copy", losing)
+    monkeypatch.setattr(maps, "free_bytes", lambda _: 0 if full else 2**40)
+    with pytest.raises(DiskFull if full else RasterioError) as told:
+        written(scene, tmp_path / "map")
+    assert not (tmp_path / "map").exists()
+    assert not full or f"{tmp_path / 'map' / name}'" in str(told.value)
+
+
+def test_an_error_of_gdal_is_the_full_disks_where_the_copy_had_no_room(
+    scene: tuple[Path, Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(part: Path, *_: object, **__: object) -> None:
+        size = part.stat().st_size
+        monkeypatch.setattr(maps, "free_bytes", lambda _: size)  # once it has removed its overviews
+        monkeypatch.setattr(maps, "NO_ROOM_BYTES", 0)
+        raise SystemError("Unknown GDAL Error")
+
+    monkeypatch.setattr(rasterio.shutil, "copy", refused)
+    with pytest.raises(DiskFull, match="No space left"):
+        written(scene, tmp_path / "map")
 
 
 def test_without_gps_the_map_is_in_the_scenes_own_world(scene: tuple[Path, Path, Path], tmp_path: Path) -> None:

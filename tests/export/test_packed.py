@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -18,7 +19,8 @@ from aug3d_core.dataset.projection import ground_points, project
 from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.export.packed import CHUNKS, EVALUATION_INDEX, PACKED_FORMATS, WAI, export_packed
 from aug3d_core.poses.nerfstudio import read_transforms
-from aug3d_core.run.errors import UsageError
+from aug3d_core.run.errors import DiskFull, UsageError
+from tests.export.full_disk import full_disk
 from tests.toy_scene import toy_scene
 
 
@@ -213,3 +215,10 @@ def test_a_folder_in_use_and_an_unknown_format_are_refused(scenes, tmp_path):
         export_packed(scenes, CHUNKS, tmp_path)
     with pytest.raises(UsageError, match="no format 'zip'"):
         export_packed(scenes, "zip", tmp_path / "new")
+
+
+def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(scenes, tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(DiskFull, match=f"{tmp_path}/out: .*No space left"):
+        export_packed(scenes[:1], CHUNKS, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

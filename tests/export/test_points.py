@@ -16,12 +16,12 @@ import rasterio
 from rasterio.crs import CRS
 from rasterio.warp import transform
 
-from aug3d_core.export import points
+from aug3d_core.export import points, target_folder
 from aug3d_core.export.maps import SURFACE_MODEL, export_map
 from aug3d_core.export.points import LAZ, PLY, export_points
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
-from aug3d_core.run.errors import StoreError, UsageError
+from aug3d_core.run.errors import DiskFull, StoreError, UsageError
 from tests.export.test_maps import write_scene
 
 ORIGIN = {"lat_deg": 46.9, "lon_deg": 7.5, "alt_m": 538.0}
@@ -179,6 +179,19 @@ def test_heights_are_those_of_the_surface_model(scene: tuple[Path, Path], tmp_pa
     assert las.xyz[:, 2] == pytest.approx(
         geodetic_from_enu(xyz.astype(float), np.array([*ORIGIN.values()]))[:, 2], abs=1e-3
     )
+
+
+def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(
+    scene: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise lazrs.LazrsError("IoError: Failed to call seek")
+
+    monkeypatch.setattr(points, "_records", refused)
+    monkeypatch.setattr(target_folder, "free_bytes", lambda of: 0 if (of / PLY).exists() else 2**40)
+    with pytest.raises(DiskFull, match=f"{tmp_path}/points: IoError"):
+        export_points(*scene, tmp_path / "points")
+    assert not (tmp_path / "points").exists()
 
 
 def test_nothing_is_overwritten_and_what_is_missing_is_named(scene: tuple[Path, Path], tmp_path: Path) -> None:

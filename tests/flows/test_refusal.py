@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import sqlite3
+from pathlib import Path
 
 import pytest
 import typer
@@ -38,6 +39,17 @@ def test_the_file_and_what_is_free_are_named(capsys) -> None:
         raise FULL
     told = capsys.readouterr().err
     assert "/nowhere/report.html" in told and "MiB free" in told
+
+
+def test_a_file_on_another_disk_than_the_homes_is_what_has_no_room(tmp_path: Path, capsys) -> None:
+    for home, says_home in ((tmp_path / "home", False), (tmp_path, True)):
+        full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(tmp_path / "out" / "report.html"))
+        with pytest.raises(typer.Exit), typed_errors(as_json=True, home=home):
+            raise full
+        failure = json.loads(capsys.readouterr().out)["failure"]
+        named = tmp_path if says_home else tmp_path / "out" / "report.html"
+        assert failure["problem"].startswith(f"no space left on the disk of {named}:")
+        assert ("--home" in failure["remedy"]) == says_home
 
 
 def test_another_error_is_not_called_a_full_disk() -> None:

@@ -9,6 +9,7 @@ import av
 import numpy as np
 import pytest
 
+from aug3d_core.judging import video
 from aug3d_core.run.errors import InputError, UsageError
 from aug3d_core.view.film import FRAMES_PER_SECOND, SECONDS, new_file, write_film
 from aug3d_core.view.pictures import Predicted
@@ -79,3 +80,16 @@ def test_one_view_is_no_path(tmp_path: Path) -> None:
 def test_a_folder_that_is_gone_is_told(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be written"):
         new_file(tmp_path / "gone", "view_toy")
+
+
+@pytest.mark.parametrize("error", [MemoryError("none left"), OSError("no codec"), KeyboardInterrupt("stopped")])
+def test_a_film_that_cannot_be_written_leaves_no_file(
+    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(video, "save", failing)
+    with pytest.raises(UsageError if isinstance(error, OSError) else type(error), match=str(error)):
+        made(Grey(), (20, 40), tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ from aug3d_core.dataset.scene import SPLITS
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.scenes import last_version, object_of
 from aug3d_core.store.store import Store
-from aug3d_core.view.finished import photograph, read_finished, read_of
+from aug3d_core.view.finished import READ, photograph, read_finished
 from tests.view.finished_scene import SIZE_PX, finished_scene
 
 
@@ -22,7 +22,7 @@ def folders(home: Path) -> Callable[[str], Path]:
 
     def folder_of(step: str) -> Path:
         record = object_of(store, version, step)
-        return store.files_dir(record, read_of(record))
+        return store.files_dir(record, record.named(READ))
 
     return folder_of
 

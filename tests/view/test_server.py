@@ -56,6 +56,8 @@ def test_the_printed_address_opens_it_and_leaves_no_token_behind(port: int) -> N
     assert SECRET not in cookie and "HttpOnly" in cookie and "SameSite=strict" in cookie
     status, headers, body = got(port, Cookie=cookie.partition(";")[0])
     assert status == 200 and b"<html" in body and headers["X-Frame-Options"] == "SAMEORIGIN"
+    policy = headers["Content-Security-Policy"].split("; ")
+    assert {"script-src-attr 'none'", "frame-src 'none'", "default-src 'self' data: blob:"} <= {*policy}
 
 
 def test_a_person_without_it_is_asked_in_a_way_that_the_server_hears(port: int) -> None:
