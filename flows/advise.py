@@ -15,13 +15,13 @@ from aug3d_core.judging.files import COMPARED
 from aug3d_core.sfm.files import POINTS, VIEWS, WORLD
 from aug3d_core.store.scenes import object_of, records_of
 from aug3d_core.surface.files import BASELINE_MESH
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
     from aug3d_core.advice.plan import Plan
 
-HOME = Path("aug3d_data")
 _NO_GPS = (
     "no GPS: places are in the scene's world, and there are no files for the field. --margin-m, in metres, says nothing there:"
     " a fifth of the flight's height is kept above what is near"
@@ -35,8 +35,8 @@ def advise(
     margin_m: Annotated[
         float, typer.Option(min=5.0, max=200.0, help="Least distance above what is known nearby [m]; needs GPS.")
     ] = 15.0,
-    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Say which photographs to take next: where too few see the ground, from which sides, and where the model errs.
 

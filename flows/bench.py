@@ -21,24 +21,22 @@ from aug3d_core.store import layout
 from aug3d_core.store.layout import SHARED_VARIABLE
 from aug3d_core.store.store import Store
 from aug3d_core.store.timed import timed_folder
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
     from aug3d_core.bench.figure import Figure
     from aug3d_core.studies.common.trial import Measured, Say
 
-HOME = Path("aug3d_data")
 
 bench = typer.Typer(no_args_is_help=True, help="Measure again, on this machine, the figures that are quoted.")
 
 
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
 Preset = Annotated[str, typer.Option(help="Preset that is measured.")]
 Set = Annotated[
     list[str],
     typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Measure with this setting changed, e.g. a smaller town."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class Measurement:
 
 @bench.command("geometry")
 def bench_geometry(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     photos: Annotated[
         Path | None, typer.Option(help="Also choose pairs among these photographs, and among all of them.")
@@ -77,7 +75,7 @@ def bench_geometry(
 
 
 @bench.command("views")
-def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+def bench_views(home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
     """Grouping on every flight path, building boxes, choice of virtual cameras, rendering, and scale (about an hour).
 
     Killed half way? Run it again: what was measured is kept until the benchmark is complete.
@@ -98,7 +96,7 @@ def bench_views(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_j
 
 @bench.command("heads")
 def bench_heads(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     photos_root: Annotated[
         Path | None,
@@ -126,7 +124,7 @@ def bench_heads(
 
 @bench.command("generalisation")
 def bench_generalisation(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     photos_root: Annotated[
         Path | None, typer.Option(help="Judge on each folder of photographs in this one; figures have its first word.")
@@ -155,7 +153,7 @@ def bench_generalisation(
 
 @bench.command("machines")
 def bench_machines(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     workers: Annotated[
         bool,
@@ -192,7 +190,7 @@ def bench_machines(
 
 @bench.command("scale")
 def bench_scale(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     photos: Annotated[
         list[int], typer.Option(min=15, help="Size of a town [photographs]; name each size, the smallest first.")
@@ -215,7 +213,7 @@ def bench_scale(
 
 @bench.command("spoiled")
 def bench_spoiled(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = "tiny",
     photos: Annotated[int, typer.Option(min=40, help="Of both days [photographs].")] = 120,
     set_: Set = [],
@@ -253,7 +251,7 @@ def _plain(name: str, told: str) -> None:
         return Measurement(import_module(f"aug3d_core.bench.{name}").figures(store, scene, say))
 
     @bench.command(name, help=f"{told}\n\n{_KEPT}")
-    def measured(home: Home = HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
+    def measured(home: Home = DEFAULT_HOME, preset: Preset = "tiny", set_: Set = [], as_json: AsJson = False) -> None:
         _bench(name, home, preset, set_, as_json, measure)
 
 

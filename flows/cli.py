@@ -43,6 +43,7 @@ from flows.hand_on import export_groups, export_map, export_model, export_points
 from flows.join import worker
 from flows.look import look
 from flows.open import open_report
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.plan import checked_plan, expected_times, following, nothing_to_do
 from flows.plan_table import print_plan
 from flows.predict import predict
@@ -73,21 +74,16 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-Home = Annotated[
-    Path, typer.Option("--home", envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.", show_default=True)
-]
 Preset = Annotated[str, typer.Option(help=SIZES)]
 DEFAULT_PRESET = "tiny"
 Set = Annotated[
     list[str],
     typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="Change one setting, e.g. training.steps=500. Repeatable."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
 Version = Annotated[
     str, typer.Argument(metavar="SCENE", help="Name of the scene, or SCENE@VERSION as in aug3d compare.")
 ]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed, and what it takes, and stop.")]
-DEFAULT_HOME = Path("aug3d_data")
 # The last step that each format is written from; others take poses and photographs
 _MADE_OF = {DTU: "dataset", MAP: "surface", GLB: "surface", CLOUD: "depth"}
 

@@ -30,25 +30,23 @@ from aug3d_core.store.published import published
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.scenes import bring_report
 from aug3d_core.store.store import Store
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preflight import check_servers, check_weights
 from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.scenes import any_given, checked_options, schedule_of
 from flows.server import prefect_server
-from flows.settings import HOME as HOME_VARIABLE
-from flows.settings import OURS, apply_local_environment
+from flows.settings import HOME_VARIABLE, OURS, apply_local_environment
 from flows.summary import command
+from flows.words import widened
 
 if TYPE_CHECKING:
     from aug3d_core.factory.walk import Visit
 
-HOME = Path("aug3d_data")
 
 collections = typer.Typer(no_args_is_help=True, help="Many scenes, one model over all of them: train, judge, publish.")
 
 Name = Annotated[str, typer.Argument(help="Name of the collection: letters, digits, '-' and '_'.")]
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
 
 
 @collections.command("add")
@@ -71,7 +69,7 @@ def add(
     cron: Annotated[str | None, typer.Option(help='Train it by a cron line, e.g. "0 3 * * 1".')] = None,
     every: Annotated[str | None, typer.Option(help="Train it at an interval: 30m, 6h, 1d.")] = None,
     timezone: Annotated[str, typer.Option(help="Time zone of the schedule.")] = "UTC",
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Write a collection's file, which you can edit. Nothing is made yet.
@@ -109,7 +107,7 @@ def add(
 
 
 @collections.command("list")
-def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
+def list_all(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """List collections, their parts and their last version. A file with a mistake is told, not hidden."""
     with typed_errors(as_json, home):
         store = read_store(home)
@@ -136,7 +134,7 @@ def list_all(home: Home = HOME, as_json: AsJson = False) -> None:
 
 
 @collections.command("show")
-def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
+def show(name: Name, home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """Show a collection's parts, and how good its newest model is on each scene."""
     with typed_errors(as_json, home):
         store = read_store(home)
@@ -161,7 +159,7 @@ def show(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
 def remove(
     name: Name,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Remove a collection's file. Its versions, its scenes and all that was made stay."""
@@ -177,7 +175,7 @@ def remove(
 
 
 @collections.command("train")
-def train(name: Name, home: Home = HOME, as_json: AsJson = False) -> None:
+def train(name: Name, home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """Make the scenes where something changed, train one model on them, and judge it on each.
 
     Killed half way? Run the same command again. Exit code 3: a scene could not be made, or the model is not published.
@@ -219,7 +217,7 @@ def export(
         tuple[int, int] | None,
         typer.Option(min=8, metavar="WIDTH HEIGHT", help="Size of the views [px]; without it, as they are packed."),
     ] = None,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Write the data sets of a trained collection for other models: what is trained on, and every test.
@@ -264,7 +262,7 @@ def towns(
     count: Annotated[int, typer.Option(min=1, max=10_000, help="How many.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the towns.")] = 0,
     preset: Annotated[str, typer.Option(help="Size of their views: tiny, small, paper.")] = "tiny",
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Make towns of every kind as data sets, straight from their truth: what a collection with --towns trains on.
@@ -360,9 +358,7 @@ def print_version(version: Path, metrics: dict[str, Any], shown: Path | None) ->
             data, told["role"], str(told["test_views"]), f"{told['test_psnr_mean']:.2f}", f"{told['test_ssim_mean']:.3f}",
             f"{alone:.2f}", *(f"{one:.2f}" for one in cheap),
         )  # fmt: skip
-    console = Console()
-    if not console.is_terminal:
-        console.width = 140
+    console = widened(Console())
     console.print(table)
     for scene, told in metrics["scenes"].items():
         if "trouble" in told:

@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from string import ascii_uppercase
 from typing import Annotated, Any
 
@@ -23,17 +22,14 @@ from aug3d_core.store.published import RULES
 from aug3d_core.store.scenes import records_of, scenes, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.settings import apply_local_environment
-from flows.words import figure
+from flows.words import figure, widened
 from tasks.mlflow_outbox import waiting
 
-HOME = Path("aug3d_data")
-_WIDTH = 120
 _RUN_ID = re.compile(r"[0-9a-f]{4,32}")
-
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
 
 
 def compare_runs(
@@ -46,8 +42,8 @@ def compare_runs(
         ),
     ],
     equal_too: Annotated[bool, typer.Option("--all", help="Also show what is the same in all runs.")] = False,
-    home: Home = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Show what differs between runs: settings, figures, and which is better where that is known.
 
@@ -65,7 +61,7 @@ def compare_runs(
         if as_json:
             print(json.dumps(asdict(compared), indent=1))
         else:
-            _print(Console(), compared, equal_too)
+            _print(widened(Console()), compared, equal_too)
 
 
 def _tell_what_waits(store: Store) -> None:
@@ -105,8 +101,6 @@ def _side(store: Store, run: str) -> Side:
 
 
 def _print(console: Console, compared: Comparison, equal_too: bool) -> None:
-    if not console.is_terminal:
-        console.width = max(console.width, _WIDTH)  # a log has no width of its own
     console.print(_runs_table(compared))
     console.print(_verdict(compared), highlight=False)
     for letter, steps in zip(ascii_uppercase, compared.lacks, strict=False):

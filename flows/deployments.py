@@ -19,7 +19,7 @@ from aug3d_core.scene_files.schedule import Schedule as When
 from flows.collection_run import train_collection
 from flows.help_run import help_with
 from flows.photographs import read_photographs
-from flows.pool import BATCH, HOME, PHOTOGRAPHS, POOL
+from flows.pool import BATCH, HOME_QUEUE, PHOTOGRAPHS, POOL
 from flows.regenerate import batch, regenerate
 from flows.serving import CPU, GPU
 from flows.settings import COLLECTION, OURS, SCENE
@@ -128,7 +128,7 @@ async def of_everything() -> AsyncIterator[RunnerDeployment]:
         yield await _deployment(
             study,
             name=name,
-            queue=HOME,
+            queue=HOME_QUEUE,
             parameters=given,
             tags=["study"],
             description=description,

@@ -12,12 +12,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from flows.options import DEFAULT_HOME, AsJson
 from flows.refusal import typed_errors
 
 if TYPE_CHECKING:
     from aug3d_core.video.taken import Taken
-
-HOME = Path("aug3d_data")
 
 
 def frames(
@@ -28,13 +27,13 @@ def frames(
     overlap: Annotated[
         float, typer.Option(min=0.5, max=0.95, help="Share of a frame that the next one shows too (0 to 1).")
     ] = 0.8,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Take photographs out of films: frames that overlap as asked, the sharpest of neighbours, with time and place.
 
     Places come from the subtitles (SRT) that DJI's drones write beside a film. Then look at them: aug3d look DIR.
     """
-    with typed_errors(as_json, HOME):
+    with typed_errors(as_json, DEFAULT_HOME):
         from aug3d_core.video.taken import take_frames  # with the decoder, which other commands do without
 
         with Progress(

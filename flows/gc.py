@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -19,16 +18,13 @@ from aug3d_core.store.retention import Plan, Waste, drop, plan, plan_for_scene
 from aug3d_core.store.scene_name import check_scene_name
 from aug3d_core.store.store import Store
 from aug3d_core.store.usage import Usage, besides, usage
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.summary import command
 
 if TYPE_CHECKING:
     from aug3d_core.store.sweep import Loose, Sweep
-
-HOME = Path("aug3d_data")
-
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
 
 
 def gc(
@@ -48,8 +44,8 @@ def gc(
     ] = 24.0,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would go and what stays, and stop.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Drop a whole scene without asking.")] = False,
-    home: Home = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Drop what no version of a scene or a collection and no study needs, and show what each takes on the disk.
 

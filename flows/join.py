@@ -19,11 +19,12 @@ from aug3d_core.scene_files.mirror import bring
 from aug3d_core.store.layout import SHARED_VARIABLE
 from aug3d_core.store.store import Store
 from flows.guard import USER
+from flows.options import DEFAULT_HOME
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.services import TOLD, ready_file
 from flows.serving import PASSWORD, QUEUE
-from flows.settings import HOME, local_environment
+from flows.settings import HOME_VARIABLE, local_environment
 from tasks.ping import unreachable
 
 ASKING = {"PREFECT_WORKER_QUERY_SECONDS": "5"}  # a question costs the server, which all share, 12 ms of a processor
@@ -42,9 +43,9 @@ def worker(
         Literal["cpu", "gpu"] | None,
         typer.Option(envvar=QUEUE, help="Take only these runs; gpu: scenes with the tag gpu. Without it, both."),
     ] = None,
-    home: Annotated[Path, typer.Option(envvar=HOME, help="Folder of this machine for what it makes and reads.")] = Path(
-        "aug3d_data"
-    ),
+    home: Annotated[
+        Path, typer.Option(envvar=HOME_VARIABLE, help="Folder of this machine for what it makes and reads.")
+    ] = DEFAULT_HOME,
 ) -> None:
     """Take runs of the Prefect server of another machine, until Ctrl-C. The results go to the shared store.
 
@@ -63,7 +64,7 @@ def joined(environment: Mapping[str, str], server: str, store: str, queue: str |
             "a worker needs a store that all machines share, and there is no address of one",
             f"set {SHARED_VARIABLE}, or give --store s3://BUCKET/PREFIX, as on the machine of aug3d up",
         )
-    own = {_API: f"{server.rstrip('/').removesuffix('/api')}/api", SHARED_VARIABLE: store, HOME: str(home)}
+    own = {_API: f"{server.rstrip('/').removesuffix('/api')}/api", SHARED_VARIABLE: store, HOME_VARIABLE: str(home)}
     if password := environment.get(PASSWORD):
         own |= {_AUTH: f"{USER}:{password}"}
         if environment.get(_MLFLOW):
@@ -86,7 +87,7 @@ def check(environment: Mapping[str, str]) -> None:
         )
     check_servers(environment)
     os.environ[SHARED_VARIABLE] = environment[SHARED_VARIABLE]
-    store = Store(Path(environment[HOME]))
+    store = Store(Path(environment[HOME_VARIABLE]))
     store.check_writable()
     ready_file(store.root).unlink(missing_ok=True)  # an earlier worker's
     assert store.shared is not None

@@ -16,7 +16,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store.store import Store
+from flows.options import DEFAULT_HOME, AsJson
 from flows.refusal import typed_errors
+from flows.settings import HOME_VARIABLE
 from flows.words import time_words
 
 if TYPE_CHECKING:
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from aug3d_core.look.findings import Finding
     from aug3d_core.look.survey import Survey
 
-HOME = Path("aug3d_data")
 _COLOURS = {"stop": "red", "warn": "yellow", "note": "dim"}
 _NAMED = 5  # photographs of a finding that the terminal names
 
@@ -35,9 +36,9 @@ def look(
         Path | None, typer.Option(metavar="FILE.html", help="The page to write. Default: look_DIR.html, here.")
     ] = None,
     home: Annotated[
-        Path, typer.Option(envvar="AUG3D_HOME", help="What was made there tells how fast this machine is.")
-    ] = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+        Path, typer.Option(envvar=HOME_VARIABLE, help="What was made there tells how fast this machine is.")
+    ] = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Look at photographs before any processing: overlap, gaps, blur, exposure, positions, cameras, duplicates, and cost.
 

@@ -6,7 +6,6 @@ import json
 import os
 import sys
 import webbrowser
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,10 +15,10 @@ from aug3d_core.run.errors import StoreError
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import bring_report
 from aug3d_core.store.version_name import find_version
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.reading import read_store
 from flows.refusal import typed_errors
 
-HOME = Path("aug3d_data")
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # one of them is set where a browser can show a page
 
 
@@ -28,8 +27,8 @@ def open_report(
         str,
         typer.Argument(help="SCENE (its newest version), SCENE@published, or SCENE@2026-11-21, as in aug3d compare."),
     ],
-    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Open the newest report of a scene in the browser. Without a screen, say where it is."""
     with typed_errors(as_json, home):

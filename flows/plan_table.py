@@ -18,8 +18,7 @@ from aug3d_core.factory.stages import GROUPING
 from aug3d_core.factory.walk import Visit, planned
 from aug3d_core.store.scenes import records_before
 from aug3d_core.store.store import Store
-from flows.summary import WIDTH
-from flows.words import time_words
+from flows.words import time_words, widened
 
 _MIB = 2**20
 
@@ -46,9 +45,7 @@ def _told(visit: Visit, cost: Cost | None) -> dict[str, Any]:
 
 
 def _print_table(scene: str, plan: Sequence[Visit], estimate: PlanEstimate) -> None:
-    console = Console()
-    if not console.is_terminal:
-        console.width = max(console.width, WIDTH)
+    console = widened(Console())
     missing = sum(cost is not None for cost in estimate.steps.values())
     table = Table("stage", "state", title=f"{scene}: what a run would take here", show_footer=missing > 0)
     for heading in ("time", "at least", "at most", "memory", "disk"):

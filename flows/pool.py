@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 POOL = "aug3d"
 WORKER = "prefect.worker.name"  # label of a run that Prefect gives it
 ONLINE = "ONLINE"  # Prefect's word for a worker that was seen of late
-HOME = "home"  # queue of what only the machine can do that has the scene files and the results of studies
+HOME_QUEUE = "home"  # queue of what only the machine can do that has the scene files and the results of studies
 PHOTOGRAPHS = "photographs"  # of scenes, read for runs on machines that lack them, which wait for it
 BATCH = "batch"  # of runs that start others and wait for them: they may not hold what those need
 REGISTRIES = (REGISTRY, COLLECTIONS)
@@ -201,7 +201,7 @@ async def make_pool(client: PrefectClient) -> None:
     with suppress(ObjectAlreadyExists):
         template = PoolWorker.get_default_base_job_template()
         await client.create_work_pool(WorkPoolCreate(name=POOL, type=PoolWorker.type, base_job_template=template))
-    for queue in (CPU, GPU, HOME, BATCH, PHOTOGRAPHS):
+    for queue in (CPU, GPU, HOME_QUEUE, BATCH, PHOTOGRAPHS):
         await make_queue(client, queue)
 
 

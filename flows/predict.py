@@ -28,14 +28,12 @@ from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preview import TOWNS, model_named, preview
 from flows.reading import read_store, version_with
 from flows.refusal import typed_errors
 
-HOME = Path("aug3d_data")
 _FARTHEST = 1e9  # world units: farther away, nothing can be seen; NaN is not less either
-
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
 
 
 def predict(
@@ -74,8 +72,8 @@ def predict(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Also write the view here, and its depth and inputs beside.")
     ] = None,
-    home: Home = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Predict a view that no photograph shows, with a scene's trained model.
 

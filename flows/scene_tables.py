@@ -11,13 +11,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from flows.summary import command
-
-_WIDTH = 140
+from flows.words import widened
 
 
 def print_scenes(console: Console, facts: list[dict[str, Any]], others: list[str], home: Path) -> None:
     """Print a row for each scene, below it what is wrong with any of them, and scenes that only `aug3d run` knows."""
-    _widen(console)
+    console = widened(console)
     if facts:
         console.print(_scenes_table(facts))
     else:
@@ -33,7 +32,7 @@ def print_scenes(console: Console, facts: list[dict[str, Any]], others: list[str
 
 def print_scene(console: Console, facts: dict[str, Any]) -> None:
     """Print everything the registry and the store say of one scene."""
-    _widen(console)
+    console = widened(console)
     lines = {
         "file": facts["file"],
         "photographs": _photos(facts),
@@ -107,8 +106,3 @@ def _versions_table(facts: dict[str, Any]) -> Table:
 
 def _psnr(version: dict[str, Any]) -> str:
     return "-" if version["psnr_db"] is None else f"{version['psnr_db']:.2f}"
-
-
-def _widen(console: Console) -> None:
-    if not console.is_terminal:
-        console.width = max(console.width, _WIDTH)  # a log has no width of its own

@@ -30,6 +30,7 @@ from aug3d_core.scene_files.check import said
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.scenes import versions
 from aug3d_core.store.store import Store
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preflight import check_weights
 from flows.reading import read_store
 from flows.refusal import typed_errors
@@ -38,15 +39,12 @@ from flows.scene_tables import moment, print_scene, print_scenes
 from flows.summary import command
 
 Model = TypeVar("Model", bound=BaseModel)
-HOME = Path("aug3d_data")
 
 scenes = typer.Typer(
     no_args_is_help=True, help="The registry: where each scene's photographs are, how and when to make it."
 )
 
 Scene = Annotated[str, typer.Argument(help="Name of the scene: letters, digits, '-' and '_'.")]
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Cron = Annotated[
     str | None, typer.Option(help='Make it by a cron line: minute hour day month weekday, e.g. "0 3 * * 1".')
 ]
@@ -74,7 +72,7 @@ def add_scene(
     cron: Cron = None,
     every: Every = None,
     timezone: Timezone = None,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Put a scene into the registry: one commented file that you can edit. Nothing is made yet."""
@@ -106,7 +104,7 @@ def add_scene(
 
 
 @scenes.command("list")
-def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
+def list_scenes(home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """List every scene: photographs, schedule, last and published version. A file with a mistake is told, not hidden."""
     with typed_errors(as_json, home):
         store = read_store(home)
@@ -120,7 +118,7 @@ def list_scenes(home: Home = HOME, as_json: AsJson = False) -> None:
 
 
 @scenes.command("show")
-def show_scene(scene: Scene, home: Home = HOME, as_json: AsJson = False) -> None:
+def show_scene(scene: Scene, home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None:
     """Show what the registry says of a scene, the settings that differ from the preset's, and its versions."""
     with typed_errors(as_json, home):
         store = read_store(home)
@@ -135,7 +133,7 @@ def show_scene(scene: Scene, home: Home = HOME, as_json: AsJson = False) -> None
 def drop_scene(
     scene: Scene,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Remove a scene from the registry. Its versions, and all that was made for them, stay."""
@@ -167,7 +165,7 @@ def schedule_scene(
     pause: Annotated[
         bool | None, typer.Option("--pause/--resume", help="Hold the schedule, or let it go on.", show_default=False)
     ] = None,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     as_json: AsJson = False,
 ) -> None:
     """Change when a scene is made again by itself. The rest of its file, comments too, stays as it is."""

@@ -15,6 +15,8 @@ from pathlib import Path
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from flows.guard import TOKEN, USER, Door
+from flows.options import DEFAULT_HOME
+from flows.settings import HOME_VARIABLE
 
 PREFECT, MLFLOW, WORKER = "prefect", "mlflow", "worker"
 SCHEDULER, HELPER = "dask-scheduler", "dask-worker"
@@ -31,7 +33,7 @@ _SECRETS = (
     "AWS_SECRET_ACCESS_KEY",
 )
 _LEAST_CHARACTERS, _LEAST_DIFFERENT = 12, 5
-_HOME, _HOST, _NAMES = "AUG3D_HOME", "AUG3D_HOST", "AUG3D_NAMES"
+_HOST, _NAMES = "AUG3D_HOST", "AUG3D_NAMES"
 _PREFECT_PORT, _MLFLOW_PORT = "AUG3D_PREFECT_PORT", "AUG3D_MLFLOW_PORT"
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # listening on all addresses -> where this machine reaches it
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -67,7 +69,7 @@ class Serving:
     def as_environment(self) -> dict[str, str]:
         """Return what `serving_from` reads."""
         ports = {_PREFECT_PORT: str(self.prefect_port), _MLFLOW_PORT: str(self.mlflow_port)}
-        own = {_HOME: str(self.home), _HOST: self.host, PASSWORD: self.password, _NAMES: ",".join(self.names)}
+        own = {HOME_VARIABLE: str(self.home), _HOST: self.host, PASSWORD: self.password, _NAMES: ",".join(self.names)}
         return {**own, **ports}
 
     def address(self, name: str) -> str:
@@ -95,7 +97,7 @@ def serving_from(environment: Mapping[str, str]) -> Serving:
     """Read where and how to serve; raises UsageError if that is open to others without a password."""
     environment = secrets_read(environment)
     serving = Serving(
-        home=Path(environment.get(_HOME, "aug3d_data")).resolve(),
+        home=Path(environment.get(HOME_VARIABLE, DEFAULT_HOME)).resolve(),
         host=environment.get(_HOST, "127.0.0.1"),
         prefect_port=int(environment.get(_PREFECT_PORT, "4200")),
         mlflow_port=int(environment.get(_MLFLOW_PORT, "5000")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-HOME = "AUG3D_HOME"
+HOME_VARIABLE = "AUG3D_HOME"
 OURS = "aug3d"  # tag of everything that aug3d registers and runs with a Prefect server, which others may use too
 SCENE, COLLECTION = "scene", "collection"  # tags of what the registry holds
 _THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
@@ -13,7 +13,7 @@ _THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
 
 def home() -> Path:
     """Return the folder for everything that aug3d makes, in a process that was started with it."""
-    return Path(os.environ[HOME])
+    return Path(os.environ[HOME_VARIABLE])
 
 
 def local_environment(home: Path) -> dict[str, str]:

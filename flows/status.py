@@ -6,7 +6,6 @@ import asyncio
 import json
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -19,14 +18,14 @@ from aug3d_core.store import layout
 from aug3d_core.store.scenes import newest_whole, scenes
 from aug3d_core.store.store import Store
 from flows.guard import USER
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preflight import check_servers
 from flows.reading import read_store
 from flows.refusal import typed_errors
 from flows.serving import PASSWORD
-from flows.settings import HOME, apply_local_environment
-from flows.summary import WIDTH
+from flows.settings import apply_local_environment
 from flows.up import is_served
-from flows.words import time_words, traffic_words
+from flows.words import time_words, traffic_words, widened
 
 _API, _AUTH = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING"
 
@@ -38,10 +37,8 @@ def status(
             envvar="AUG3D_SERVER", help="Address of Prefect's pages; without it, those of this home's aug3d up."
         ),
     ] = "",
-    home: Annotated[Path, typer.Option(envvar=HOME, help="Folder for everything that aug3d makes.")] = Path(
-        "aug3d_data"
-    ),
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Show which machine does what, what waits and why, how long it will take, and what each scene has cost.
 
@@ -59,7 +56,7 @@ def status(
         if as_json:
             print(json.dumps(facts, indent=1))
         else:
-            _print(Console(), facts)
+            _print(widened(Console()), facts)
 
 
 def _server_of(store: Store, server: str, environment: Mapping[str, str]) -> dict[str, str]:
@@ -104,8 +101,6 @@ def _cost(metrics: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _print(console: Console, facts: Mapping[str, Any]) -> None:
-    if not console.is_terminal:
-        console.width = max(console.width, WIDTH)  # a log has no width of its own
     console.print(_machines(facts["machines"]))
     if facts["at_work"]:
         console.print(_at_work(facts["at_work"]))

@@ -21,10 +21,12 @@ from aug3d_core.factory.scheduler import scheduler_from
 from aug3d_core.run.limits import limits_from
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preflight import check_servers
 from flows.refusal import typed_errors
 from flows.server import prefect_server
 from flows.settings import apply_local_environment
+from flows.words import widened
 
 if TYPE_CHECKING:
     from aug3d_core.factory.walk import Visit
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from aug3d_core.studies.paper.cell import PaperResult
     from aug3d_core.studies.paper.findings import PaperFindings
 
-HOME = Path("aug3d_data")
-_WIDTH = 140  # of tables that are not shown on a terminal
 FoundT = TypeVar("FoundT")
 
 study = typer.Typer(
@@ -43,7 +43,6 @@ study = typer.Typer(
 )
 
 Scene = Annotated[str, typer.Argument(help="Name of a scene with a finished run, such as demo.")]
-Home = Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")]
 Preset = Annotated[
     str | None, typer.Option(help=f"Settings from sampling on: {', '.join(PRESETS)}. Without it, the scene's own.")
 ]
@@ -55,13 +54,12 @@ Set = Annotated[
 ]
 Seeds = Annotated[int, typer.Option(min=1, max=100, help="Runs of every arm, each with another seed.")]
 Quick = Annotated[bool, typer.Option("--quick", help="A few arms, two seeds and few steps: takes minutes.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")]
 
 
 @study.command("grouping")
 def study_grouping(
     scene: Scene,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = None,
     set_: Set = [],
     seeds: Seeds = 3,
@@ -78,7 +76,7 @@ def study_grouping(
 @study.command("augmentation")
 def study_augmentation(
     scene: Scene,
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Preset = None,
     set_: Set = [],
     seeds: Seeds = 3,
@@ -182,12 +180,6 @@ def print_folder(folder: Path) -> None:
     console.print(f"all studies on one page: {story}", highlight=False, soft_wrap=True, markup=False)
 
 
-def widen(console: Console) -> None:
-    """Give tables room where the output is no terminal."""
-    if not console.is_terminal:
-        console.width = max(console.width, _WIDTH)
-
-
 class _Watch:
     """A progress listener for studies: a bar on a terminal, a line for each cell elsewhere."""
 
@@ -241,7 +233,7 @@ def print_findings(console: Console, found: PaperFindings) -> None:
     """Print the rows, the orderings and the warnings."""
     from aug3d_core.studies.paper.page import FIGURES, difference_text, figures
 
-    widen(console)
+    console = widened(console)
     for part, rows in found.parts.items():
         table = Table("arm", title=f"{part}; PSNR in dB")
         for heading in FIGURES:

@@ -9,8 +9,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.refusal import typed_errors
-from flows.study import HOME, AsJson, Home, Seeds, carry_out, print_folder, publish, using, widen
+from flows.study import Seeds, carry_out, print_folder, publish, using
+from flows.words import widened
 
 if TYPE_CHECKING:
     from aug3d_core.studies.generalisation.cells import Generalised
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 def study_generalisation(
     collection: Annotated[str, typer.Argument(help="Name of a collection; see aug3d collections list.")],
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     head: Annotated[list[str], typer.Option(help="Only this head; repeatable. Without it, all.")] = [],
     seeds: Seeds = 1,
     as_json: AsJson = False,
@@ -58,7 +60,7 @@ def print_findings(console: Console, found: GeneralisationFindings) -> None:
     from aug3d_core.studies.generalisation.findings import CHEAP, order
     from aug3d_core.studies.generalisation.page import HEADS, cells, over
 
-    widen(console)
+    console = widened(console)
     table = Table(
         *HEADS[:3], title=f"generalisation of {found.collection}; leads over cheap answers in dB, 95 % intervals"
     )

@@ -9,8 +9,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.refusal import typed_errors
-from flows.study import HOME, AsJson, Home, Seeds, carry_out, print_folder, publish, using, widen
+from flows.study import Seeds, carry_out, print_folder, publish, using
+from flows.words import widened
 
 if TYPE_CHECKING:
     from aug3d_core.studies.stability.cell import StabilityResult
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def study_stability(
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     only: Annotated[
         list[str],
         typer.Option(metavar="WORDS", help="Only perturbations with words that begin with these; repeatable."),
@@ -63,7 +65,7 @@ def _outcome(result: StabilityResult) -> str:
 
 def print_findings(console: Console, found: StabilityFindings) -> None:
     """Print where each method breaks, and what is silent or crashed."""
-    widen(console)
+    console = widened(console)
     table = Table("perturbation", "method", "harmless dose", "breaks at", "state there", "first reported at")
     last = ""
     for row in found.rows:

@@ -11,8 +11,10 @@ from rich.console import Console
 from rich.table import Table
 
 from aug3d_core.factory.config import PRESETS
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.refusal import typed_errors
-from flows.study import HOME, AsJson, Home, Seeds, Set, carry_out, print_folder, publish, using, widen
+from flows.study import Seeds, Set, carry_out, print_folder, publish, using
+from flows.words import widened
 
 if TYPE_CHECKING:
     from aug3d_core.studies.tradeoff.arm import TradeoffResult
@@ -27,7 +29,7 @@ def study_tradeoff(
         list[str],
         typer.Argument(help="Scenes: demo for the built-in town, one of the registry, or with a finished run."),
     ],
-    home: Home = HOME,
+    home: Home = DEFAULT_HOME,
     preset: Annotated[
         str | None,
         typer.Option(
@@ -107,7 +109,7 @@ def print_findings(console: Console, found: TradeoffFindings) -> None:
     from aug3d_core.studies.tradeoff.page import in_words
     from aug3d_core.studies.tradeoff.point import on_front
 
-    widen(console)
+    console = widened(console)
     if found.factory:
         front = on_front(found.whole)
         auto = [point for point in found.whole if point.arm.mark == "auto" and point not in front]

@@ -21,11 +21,9 @@ from aug3d_core.judging.names import called, interval_words
 from aug3d_core.store import layout
 from aug3d_core.store.scenes import damaged_versions
 from aug3d_core.store.store import Store
-from flows.settings import HOME
-from flows.words import figure, traffic_words
-
-WIDTH = 120
-_DEFAULT_HOME = "aug3d_data"
+from flows.options import DEFAULT_HOME
+from flows.settings import HOME_VARIABLE
+from flows.words import figure, traffic_words, widened
 
 
 def tell_of_damage(store: Store, scene: str) -> None:
@@ -36,8 +34,7 @@ def tell_of_damage(store: Store, scene: str) -> None:
 
 def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     """Print everything a run tells."""
-    if not console.is_terminal:
-        console.width = max(console.width, WIDTH)  # a log has no width of its own
+    console = widened(console)
     console.print(_stage_table(metrics))
     if decided := [row for row in metrics.get("needs", ()) if row["by"] == AUTO and not row["fold"]]:
         console.print(_needs_table(decided))
@@ -129,7 +126,7 @@ def _mlflow_pages(paths: Mapping[str, Any]) -> str:
 
 def command(home: Path, *words: str | Path) -> str:
     """Return a command of aug3d for the user's shell; it names the home if the command would not find it by itself."""
-    found = Path(os.environ.get(HOME) or _DEFAULT_HOME)
+    found = Path(os.environ.get(HOME_VARIABLE) or DEFAULT_HOME)
     where = [] if home.resolve() == found.resolve() else ["--home", str(home)]
     return shlex.join([_program(), *map(str, words), *where])
 

@@ -21,6 +21,7 @@ from aug3d_core.run.errors import UsageError
 from aug3d_core.run.limits import limits_from
 from aug3d_core.store import layout
 from aug3d_core.store.store import Store
+from flows.options import DEFAULT_HOME, Home
 from flows.refusal import typed_errors
 from flows.server import own_database
 from flows.serving import (
@@ -42,9 +43,7 @@ _ENTRY = ("-m", "flows.services")
 
 
 def up(
-    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = Path(
-        "aug3d_data"
-    ),
+    home: Home = DEFAULT_HOME,
     host: Annotated[
         str, typer.Option(help=f"Address to listen on; for any but this machine's own, {PASSWORD} must be set.")
     ] = _LOOPBACK,

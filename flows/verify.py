@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -20,10 +19,9 @@ from aug3d_core.store import layout
 from aug3d_core.store.published import names
 from aug3d_core.store.store import Store
 from aug3d_core.store.verification import Damage, OnBytes, damaged, items_of, size_of
+from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.reading import read_store
 from flows.refusal import typed_errors
-
-HOME = Path("aug3d_data")
 
 
 def verify(
@@ -34,8 +32,8 @@ def verify(
     repair: Annotated[
         bool, typer.Option("--repair", help="Put what is damaged aside, and make objects again as they were made.")
     ] = False,
-    home: Annotated[Path, typer.Option(envvar="AUG3D_HOME", help="Folder for everything that aug3d makes.")] = HOME,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs; progress goes to stderr.")] = False,
+    home: Home = DEFAULT_HOME,
+    as_json: AsJson = False,
 ) -> None:
     """Read every object and version, and compare each file with the digest that was taken when it was written.
 

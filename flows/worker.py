@@ -25,7 +25,7 @@ from aug3d_core.store.store import Store
 from flows.deployments import of_collection, of_everything, of_scene
 from flows.pool import (
     BATCH,
-    HOME,
+    HOME_QUEUE,
     PHOTOGRAPHS,
     REGISTRIES,
     RUNS_AT_ONCE,
@@ -69,7 +69,7 @@ async def _work(store: Store) -> None:
     tell_ready(store.root)
     print(f"registered: {', '.join(known) or 'no scene yet'}", flush=True)
     workers = (
-        PoolWorker(store, (*queues_from(os.environ), HOME), RUNS_AT_ONCE, own=True),
+        PoolWorker(store, (*queues_from(os.environ), HOME_QUEUE), RUNS_AT_ONCE, own=True),
         PoolWorker(store, (BATCH, PHOTOGRAPHS), 2),  # one batch at a time, by its deployment
     )
     services = _watch_registry(store, known), tell_mlflow(store), watch_runs(store, workers)

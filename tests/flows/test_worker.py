@@ -382,10 +382,10 @@ async def begun(name: str) -> Any:
     from prefect.client.orchestration import get_client
     from prefect.types.entrypoint import EntrypointType
 
-    from flows.pool import HOME, POOL
+    from flows.pool import HOME_QUEUE, POOL
 
     made = await getattr(flow_of_a_test, name).ato_deployment(
-        name, work_pool_name=POOL, work_queue_name=HOME, entrypoint_type=EntrypointType.MODULE_PATH
+        name, work_pool_name=POOL, work_queue_name=HOME_QUEUE, entrypoint_type=EntrypointType.MODULE_PATH
     )
     deployment = await made.aapply()
     async with get_client() as client:
@@ -403,14 +403,14 @@ async def ended(flow_run: Any) -> Any:
     "ignore::pytest.PytestUnraisableExceptionWarning"
 )  # Prefect leaves a socket open where it dies
 def test_a_run_whose_process_is_killed_goes_on(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from flows.pool import HOME, PoolWorker
+    from flows.pool import HOME_QUEUE, PoolWorker
 
     written(tmp_path, monkeypatch)
 
     async def executed() -> list[Any]:
         run, seen = await begun("killed_once"), []
         for _ in range(2):
-            await PoolWorker(store, (HOME,), 1).start(run_once=True)
+            await PoolWorker(store, (HOME_QUEUE,), 1).start(run_once=True)
             seen.append(await ended(run))
         return seen
 
@@ -447,11 +447,11 @@ def test_a_run_that_its_worker_has_lost_is_put_back(store: Store, monkeypatch: p
 
     from flows import watched_runs
     from flows.deployments import of_scene
-    from flows.pool import HOME, WORKER, PoolWorker
+    from flows.pool import HOME_QUEUE, WORKER, PoolWorker
     from tasks.run_locks import run_lock
 
     monkeypatch.setattr(watched_runs, "STRANDED_S", 0.5)
-    worker = PoolWorker(store, (HOME,), 1)
+    worker = PoolWorker(store, (HOME_QUEUE,), 1)
 
     async def states() -> list[list[str]]:
         async with get_client() as client:
@@ -485,7 +485,7 @@ def test_a_run_that_cannot_be_begun_now_stays_in_line(
 ) -> None:
     import httpx
 
-    from flows.pool import HOME, PoolWorker
+    from flows.pool import HOME_QUEUE, PoolWorker
 
     written(tmp_path, monkeypatch)
     busy = [httpx.ReadTimeout("Prefect is busy")]
@@ -499,7 +499,7 @@ def test_a_run_that_cannot_be_begun_now_stays_in_line(
     async def executed() -> list[Any]:
         run, seen = await begun("told"), []
         for _ in range(2):
-            await PoolWorker(store, (HOME,), 1).start(run_once=True)
+            await PoolWorker(store, (HOME_QUEUE,), 1).start(run_once=True)
             seen.append((await ended(run)).state.name)
         return seen
 
@@ -570,14 +570,16 @@ def test_a_worker_executes_a_run_under_its_lease(
     shared: Bucket, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run's process is one of its own, and dies with the worker's."""
-    from flows.pool import HOME, PoolWorker
+    from flows.pool import HOME_QUEUE, PoolWorker
 
     written(tmp_path, monkeypatch)
     leases: list[str] = []
 
     async def executed() -> Any:
         run = await begun("told")
-        worker = PoolWorker(store, (HOME,), 1, before=lambda: leases.append(",".join(shared.names("leases/runs/"))))
+        worker = PoolWorker(
+            store, (HOME_QUEUE,), 1, before=lambda: leases.append(",".join(shared.names("leases/runs/")))
+        )
         await worker.start(run_once=True)
         return await ended(run)
 
