@@ -22,7 +22,7 @@ from aug3d_core.geometry.masks import continued
 
 _LEAST = 1e-6  # share of a pixel that is something
 
-CONVENTION = "sRGB 8 bit; centre crop to aspect; area filter on sRGB values; rounded to 8 bit"
+CONVENTION = "sRGB 8 bit; centre crop to aspect; exact area means of sRGB values; rounded to 8 bit"
 
 
 @dataclass(frozen=True)
