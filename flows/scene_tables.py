@@ -21,7 +21,9 @@ def print_scenes(console: Console, facts: list[dict[str, Any]], others: list[str
         console.print(_scenes_table(facts))
     else:
         console.print(
-            f"no scenes yet: {command(home, 'scenes', 'add', 'my_scene', '--photos', 'DIR')}", highlight=False
+            f"no scenes yet: {command(home, 'scenes', 'add', 'my_scene', '--photos', 'DIR')}",
+            highlight=False,
+            soft_wrap=True,
         )
     for fact in facts:
         if fact["problem"]:

@@ -13,7 +13,7 @@ from aug3d_core.domes.files import BUILDINGS
 from aug3d_core.factory.config import scene_config
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
-from aug3d_core.sfm.files import VIEWS
+from aug3d_core.sfm.files import COMPONENTS, VIEWS
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.store import Store
@@ -43,6 +43,7 @@ def store_with(root: Path, boxes: np.ndarray) -> tuple[Any, Any]:
     views = Views(np.arange(4), poses, np.tile([500.0, 500, 320, 240], (4, 1)), np.tile([640, 480], (4, 1)))
     views.save(folders["sfm"] / VIEWS)
     views.save(folders["town"] / TRUTH_POSES)
+    (folders["sfm"] / COMPONENTS).write_text(json.dumps({"photo_sha256": ["of one"] * 4}))
     houses = [[[0, 0], [10, 0], [10, 10], [0, 10]], [[20, 0], [30, 0], [30, 10], [20, 10]]]
     text = json.dumps({"footprints": [{"outline_m": house} for house in houses]})
     (folders["town"] / TRUTH_FOOTPRINTS).write_text(text)

@@ -1,5 +1,6 @@
 """Points that lie on the truth are not off; those that are moved are off by so much, wherever the scene's world is."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.similarity import Similarity
 from aug3d_core.geometry.transforms import look_at
 from aug3d_core.geometry.views import Views
+from aug3d_core.sfm.files import COMPONENTS
 
 _UP_M = 0.25
 
@@ -35,6 +37,7 @@ def test_points_are_off_by_what_they_were_moved(tmp_path: Path) -> None:
     (tmp_path / "truth").mkdir()
     for name in ("poses.npz", "mesh.ply"):
         (tmp_path / name).rename(tmp_path / "truth" / name)
+    (tmp_path / COMPONENTS).write_text(json.dumps({"photo_sha256": ["of one"] * count}))
     figures = off_truth(tmp_path, tmp_path, tmp_path)
     assert figures["town_points"].value == 1001
     assert figures["town_points_off"].value == pytest.approx(_UP_M, abs=1e-4)
