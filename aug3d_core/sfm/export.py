@@ -57,7 +57,7 @@ def to_arrays(model: pycolmap.Reconstruction) -> Arrays:
     Undistorting crops the rim, and with it a few observations; points that fewer than two views still see are left out.
     """
     images = registered(model)
-    pinholes = {camera_id: undistorted_camera(camera) for camera_id, camera in model.cameras.items()}
+    pinholes = _pinholes(model)
     views = Views(
         photo_id=np.array([photo_id(image) for image in images]),
         cam_from_world=poses(model),
@@ -94,9 +94,9 @@ def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
 
 def share_cut(camera: pycolmap.Camera) -> float:
     """Return the share of a photograph that its undistorted image lacks because the lens folds the picture over; else 0."""
-    if not any(_folded_rim(camera, pycolmap.undistort_camera(_options(), camera))):
+    pinhole, whole = undistorted_camera(camera), pycolmap.undistort_camera(_options(), camera)
+    if (pinhole.width, pinhole.height) == (whole.width, whole.height):
         return 0.0
-    pinhole = undistorted_camera(camera)
     at = (np.arange(_RIMS) + 0.5) / _RIMS
     rays = camera.cam_from_img(np.stack(np.meshgrid(at * camera.width, at * camera.height), axis=-1).reshape(-1, 2))
     xy = rays * pinhole.params[:2] + pinhole.params[2:]
@@ -140,10 +140,10 @@ def write_undistorted(
     falloffs: of cameras by id, which are evened out.
     """
     out.mkdir(parents=True, exist_ok=True)
-    gains = {}
+    pinholes, gains = _pinholes(model), {}
     for camera_id, falloff in falloffs.items():
         if falloff and falloff.evened:
-            pinhole = undistorted_camera(model.camera(camera_id))
+            pinhole = pinholes[camera_id]
             gains[camera_id] = falloff.gain((pinhole.width, pinhole.height), pinhole.params)
     for image in registered(model):
         if photo_id(image) in known:
@@ -151,7 +151,7 @@ def write_undistorted(
             continue
         bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
         assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
-        pixels = _undistorted(bitmap, model.camera(image.camera_id))
+        pixels = _undistorted(bitmap, model.camera(image.camera_id), pinholes[image.camera_id])
         if image.camera_id in gains:
             pixels = evened(pixels, gains[image.camera_id])
         Image.fromarray(pixels).save(out / image_name(photo_id(image)), compress_level=1)
@@ -159,19 +159,26 @@ def write_undistorted(
 
 def write_undistorted_masks(model: pycolmap.Reconstruction, masks: Path, out: Path) -> None:
     """Write the undistorted mask of every placed photograph that has one; what lies outside the photograph is masked."""
+    pinholes = _pinholes(model)
     for image in registered(model):
         used = used_pixels(masks / image.name)
         if used is not None:
             grey = pycolmap.Bitmap.from_array(np.where(used, np.uint8(255), np.uint8(0)))
-            shown = _undistorted(grey, model.camera(image.camera_id))
+            shown = _undistorted(grey, model.camera(image.camera_id), pinholes[image.camera_id])
             save_mask(shown >= LEAST_USED, out / image_name(photo_id(image)))
 
 
-def _undistorted(bitmap: pycolmap.Bitmap, camera: pycolmap.Camera) -> UInt8[np.ndarray, "h w *c"]:
-    """Return what the undistorted camera shows."""
-    undistorted, pinhole = pycolmap.undistort_image(_options(), bitmap, camera)
-    across, down = _folded_rim(camera, pinhole)
-    return undistorted.to_array()[down : pinhole.height - down, across : pinhole.width - across]
+def _pinholes(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Camera]:
+    return {camera_id: undistorted_camera(camera) for camera_id, camera in model.cameras.items()}
+
+
+def _undistorted(
+    bitmap: pycolmap.Bitmap, camera: pycolmap.Camera, pinhole: pycolmap.Camera
+) -> UInt8[np.ndarray, "h w *c"]:
+    """Return what the undistorted camera shows, which is the middle of COLMAP's picture."""
+    pixels = pycolmap.undistort_image(_options(), bitmap, camera)[0].to_array()
+    down, across = (pixels.shape[0] - pinhole.height) // 2, (pixels.shape[1] - pinhole.width) // 2
+    return pixels[down : down + pinhole.height, across : across + pinhole.width]
 
 
 def _options() -> pycolmap.UndistortCameraOptions:

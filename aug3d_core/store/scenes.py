@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -182,9 +182,17 @@ def newest_whole(store: Store, scene: str) -> dict[str, Any]:
 
     Raises as `last_version` does.
     """
+    return newest_that(store, scene, _whole)
+
+
+def newest_that(store: Store, scene: str, fits: Callable[[Mapping[str, Any]], bool]) -> dict[str, Any]:
+    """Return the `metrics.json` of a scene's newest version that fits; where none does, of the last.
+
+    Raises as `last_version` does.
+    """
     last = last_version(store, scene)
     read = map(version_metrics, reversed(versions(store, scene)))
-    return next((metrics for metrics in read if _whole(metrics)), last)
+    return next((metrics for metrics in read if fits(metrics)), last)
 
 
 def records_before(store: Store, scene: str) -> dict[str, Record]:

@@ -14,7 +14,7 @@ from aug3d_core.factory.stages import FROM_PHOTOS, GROUPING, SURFACE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import last_version, records_of, version_metrics, versions
+from aug3d_core.store.scenes import newest_that, records_of
 from aug3d_core.store.store import Store
 
 GIVEN = ("sfm", "similarity", "depth", "surface")  # what cells read of the scene
@@ -54,9 +54,7 @@ def open_finished(store: Store, name: str, preset: str | None) -> FinishedScene:
 
     Raises UsageError. The split is always the scene's own: the mesh was made without its test photographs.
     """
-    last = last_version(store, name)
-    newest_first = map(version_metrics, reversed(versions(store, name)))
-    version = next((metrics for metrics in newest_first if not _lost(records_of(store, metrics))), last)
+    version = newest_that(store, name, lambda metrics: not _lost(records_of(store, metrics)))
     found = records_of(store, version)
     if lost := _lost(found):
         raise UsageError(
