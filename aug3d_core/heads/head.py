@@ -64,6 +64,10 @@ class Head(nn.Module, ABC):
         """Load first weights from elsewhere, where the settings name some. Called once, before the first step."""
         return Start()
 
+    def finish(self) -> None:
+        """Make the finished model of the trained weights. Called once, after the last step."""
+        return
+
     @abstractmethod
     def loss(
         self, scenes: Sequence[Scene], groups: Sequence[Group], noise: torch.Generator | None

@@ -62,6 +62,7 @@ def train(
         if team.leads and run.step % config.checkpoint_every == 0:
             save_state(checkpoints, run.step, run.state())
         report(run)
+    run.head.finish()
     return run
 
 

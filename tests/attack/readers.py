@@ -29,9 +29,9 @@ def sweep_start(path: str) -> bool:
     """Start a sweep from a file of weights; none of the files here is one."""
     from torch import nn
 
-    from aug3d_core.heads.sweep.start import load_first_weights
+    from aug3d_core.heads.sweep.start import first_weights
 
-    load_first_weights(nn.Linear(3, 2), path)
+    first_weights(nn.Linear(3, 2), path)
     return False
 
 

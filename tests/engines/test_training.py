@@ -11,6 +11,7 @@ from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.reader import read
 from aug3d_core.dataset.writer import write
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
+from aug3d_core.heads.sweep.config import SweepConfig
 from aug3d_core.run.errors import InputError
 from aug3d_core.training import divergence
 from aug3d_core.training import loop as training
@@ -99,6 +100,16 @@ def test_a_killed_training_resumes_to_the_same_curve_and_weights(scene, dataset,
     assert saved_steps(tmp_path / CHECKPOINT) == [5]
     training_stage.run({"dataset": dataset}, CONFIG, tmp_path, silent)
     assert same_files(tmp_path, trained[0], MODEL_WEIGHTS, CURVE)
+
+
+def test_the_mean_with_the_first_weights_is_taken_once_after_a_kill_too(scene, tmp_path):
+    config = changed(CONFIG, steps=4, warmup_steps=1, checkpoint_every=2, head=SweepConfig(planes=8, crop_px=32))
+    trained = train([scene], changed(config, start_share=0.0), tmp_path / "trained").head.state_dict()
+    first = begin(config, torch.device("cpu")).head
+    first.start()
+    killed_at(3, scene, config, tmp_path / "killed")
+    for name, value in train([scene], config, tmp_path / "killed").head.state_dict().items():
+        torch.testing.assert_close(value, (first.state_dict()[name] + trained[name]) / 2)
 
 
 @pytest.mark.parametrize("torn", [(10,), (5, 10)])

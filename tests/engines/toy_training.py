@@ -14,7 +14,7 @@ CONFIG = TrainingConfig(head=HEAD, steps=12, warmup_steps=4, checkpoint_every=5,
 def changed(config: TrainingConfig = CONFIG, **changes: Any) -> TrainingConfig:
     """Return settings of training with changes to them or to those of their head."""
     own = {name: changes.pop(name) for name in [*changes] if name in TrainingConfig.model_fields}
-    return config.model_copy(update={"head": config.head.model_copy(update=changes), **own})
+    return config.model_copy(update={"head": config.head.model_copy(update=changes)} | own)
 
 
 def silent(done: int, total: int, what: str) -> None:

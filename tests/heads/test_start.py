@@ -79,6 +79,37 @@ def test_a_network_that_they_do_not_fit_starts_at_random_and_says_so() -> None:
     assert "the shipped weights are of 16 features, not 8" in start.notes[0]
 
 
+def moved_away(head):
+    """Start a head, and move its weights as training would."""
+    head.start()
+    first = {name: value.detach().clone() for name, value in head.named_parameters()}
+    with torch.no_grad():
+        for value in head.parameters():
+            value += 0.1
+    return first
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("of_a_file", [False, True])
+def test_the_finished_model_keeps_a_share_of_its_first_weights(tmp_path, share, of_a_file) -> None:
+    saved.save(build(SweepConfig(start="random")), tmp_path)
+    start = str(tmp_path / MODEL_WEIGHTS) if of_a_file else TOWNS
+    head = build(SweepConfig(start=start, start_share=share))
+    first = moved_away(head)
+    head.finish()
+    for name, value in head.named_parameters():
+        torch.testing.assert_close(value, first[name] + 0.1 * (1 - share))
+
+
+@pytest.mark.parametrize("config", [SweepConfig(start="random"), SweepConfig(features=8)])
+def test_random_first_weights_are_not_kept(config) -> None:
+    head = build(config)
+    first = moved_away(head)
+    head.finish()
+    for name, value in head.named_parameters():
+        assert torch.equal(value, first[name] + 0.1)
+
+
 def damaged(path):
     path.write_bytes(b"not weights at all")
 

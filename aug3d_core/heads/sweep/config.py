@@ -25,6 +25,7 @@ class SweepConfig(HeadConfig):
         "crop_px",
         "depth_weight",
         "start",
+        "start_share",
         "recoloured_share",
         "other_cameras_share",
     )
@@ -50,6 +51,13 @@ class SweepConfig(HeadConfig):
         description="First weights: towns (shipped; trained on made-up towns alone; they fit 16 features, others start at"
         " random), random (needs more steps, faster), or a file model.safetensors of a plane sweep.",
     )
+    start_share: float = Field(
+        default=0.5,
+        ge=0,
+        lt=1,
+        description="Share of the first weights in the finished model, which is the weighted mean of first and trained weights"
+        " [1]. The model keeps more of what it knew. 0: the trained weights alone. Random first weights never count.",
+    )
     recoloured_share: float = Field(
         default=0.25,
         ge=0,
@@ -73,6 +81,11 @@ class SweepConfig(HeadConfig):
     def facts(self) -> Mapping[str, int | float | str]:
         """The size of the network."""
         return {"planes": self.planes, "features": self.features, "crop": f"{self.crop_px} px", "start": self.start}
+
+    @property
+    def fitting_start(self) -> str:
+        """What training starts from: `start`, but random weights where the shipped ones do not fit."""
+        return RANDOM if self.start == TOWNS and self.features != SHIPPED_FEATURES else self.start
 
     @property
     def files(self) -> tuple[Path, ...]:

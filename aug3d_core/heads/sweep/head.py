@@ -20,7 +20,7 @@ from aug3d_core.heads.head import Head, Start, View, colour_measures, to_8_bit
 from aug3d_core.heads.sweep.config import RANDOM, SHIPPED_FEATURES, TOWNS, SweepConfig
 from aug3d_core.heads.sweep.disguise import PLAIN, Disguise
 from aug3d_core.heads.sweep.network import COARSE, Found, Given, Seen, SweepNetwork
-from aug3d_core.heads.sweep.start import load_first_weights
+from aug3d_core.heads.sweep.start import first_weights
 
 _SOFT = 1e-2  # of colours in [0, 1]: below it an error counts squared, above it as it is
 _SQUARED = 10.0  # weight of squared errors beside them: PSNR is their mean
@@ -47,16 +47,25 @@ class SweepHead(Head):
 
     def start(self) -> Start:
         """Load the first weights that the settings name."""
-        named = self.config.start
-        if named == TOWNS and self.config.features != SHIPPED_FEATURES:
+        named = self.config.fitting_start
+        if named != self.config.start:
             note = (
                 f"the shipped weights are of {SHIPPED_FEATURES} features, not {self.config.features}: random ones were taken,"
                 " which need training.learning_rate=0.001 and training.steps=1200 or more"
             )
             return Start(metrics={"started_with": RANDOM}, notes=(note,))
         if named != RANDOM:
-            load_first_weights(self, named)
+            self.load_state_dict(first_weights(self, named))
         return Start(metrics={"started_with": named if named in (RANDOM, TOWNS) else Path(named).name})
+
+    @torch.no_grad()
+    def finish(self) -> None:
+        """Take the mean with the first weights: it keeps what they know of other places (Wortsman et al., CVPR 2022)."""
+        if self.config.fitting_start == RANDOM or not self.config.start_share:
+            return
+        first = first_weights(self, self.config.fitting_start)
+        for name, value in self.named_parameters():
+            value.lerp_(first[name].to(value), self.config.start_share)
 
     def loss(
         self, scenes: Sequence[Scene], groups: Sequence[Group], noise: torch.Generator | None

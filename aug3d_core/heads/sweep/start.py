@@ -17,13 +17,13 @@ from aug3d_core.run.regular_file import opened
 _OTHERWISE = "set training.head.start=random, or name the model.safetensors of a sweep with the same settings"
 
 
-def load_first_weights(head: nn.Module, start: str) -> None:
-    """Give a head the weights that are named; raises InputError that names what is wrong with them."""
+def first_weights(head: nn.Module, start: str) -> dict[str, Tensor]:
+    """Return the weights that are named, as a state of the head; raises InputError that names what is wrong with them."""
     file = SHIPPED / MODEL_WEIGHTS if start == TOWNS else Path(start).expanduser()
     weights = _read(file)
     if start == TOWNS and file_digest(file) != SHIPPED_DIGEST:
         raise InputError(f"{file} is not what aug3d ships", "install aug3d again, or set training.head.start=random")
-    _load(head, file, weights)
+    return _of(head, file, weights)
 
 
 def _read(file: Path) -> dict[str, Tensor]:
@@ -38,7 +38,7 @@ def _read(file: Path) -> dict[str, Tensor]:
         ) from error
 
 
-def _load(head: nn.Module, file: Path, weights: dict[str, Tensor]) -> None:
+def _of(head: nn.Module, file: Path, weights: dict[str, Tensor]) -> dict[str, Tensor]:
     own = {name: tuple(value.shape) for name, value in head.state_dict().items()}
     if missing := sorted(own.keys() - weights.keys()):
         raise InputError(f"training.head.start: {file} is of another head: it has no {missing[0]}", _OTHERWISE)
@@ -49,4 +49,4 @@ def _load(head: nn.Module, file: Path, weights: dict[str, Tensor]) -> None:
             " (training.head.features must be the same)",
             _OTHERWISE,
         )
-    head.load_state_dict({name: weights[name] for name in own})
+    return {name: weights[name] for name in own}
