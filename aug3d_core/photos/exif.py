@@ -139,8 +139,10 @@ def _time(exif: Any, detail: Any) -> datetime | None:
 def _camera(exif: Any, detail: Any, size: tuple[int, int]) -> str:
     """Name the camera by make, model, serial number, size and the lens's focal length."""
     focal_mm = _number(detail.get(ExifTags.Base.FocalLength))
-    parts = [_text(exif.get(ExifTags.Base.Make)), _text(exif.get(ExifTags.Base.Model)) or _UNNAMED]
-    parts += [
+    make, model = _text(exif.get(ExifTags.Base.Make)), _text(exif.get(ExifTags.Base.Model)) or _UNNAMED
+    parts = [
+        "" if model.lower().startswith(make.lower()) else make,  # Canon writes it there, too
+        model,
         _text(detail.get(ExifTags.Base.BodySerialNumber)),
         f"{size[0]}x{size[1]}",
         f"{focal_mm:g}mm" if focal_mm > 0 else "",

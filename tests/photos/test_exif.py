@@ -158,6 +158,12 @@ def test_orientation_is_recorded(tmp_path: Path, tag: int, expected: int) -> Non
     assert exif_of(tmp_path, main={TAG.Orientation: tag}).orientation == expected
 
 
+@pytest.mark.parametrize("model", ["Canon PowerShot A3300 IS", "PowerShot A3300 IS"])
+def test_a_make_that_the_model_names_too_is_named_once(tmp_path: Path, model: str) -> None:
+    exif = exif_of(tmp_path, main={TAG.Make: "Canon", TAG.Model: model})
+    assert exif.camera == "Canon PowerShot A3300 IS 320x240"
+
+
 def test_zoom_makes_another_camera(tmp_path: Path) -> None:
     main = {TAG.Make: "DJI\0\0", TAG.Model: "FC300S \0"}
     near = exif_of(tmp_path, main=main, detail={TAG.FocalLength: IFDRational(361, 100)})
