@@ -17,6 +17,7 @@ from aug3d_core.judging.names import called
 from aug3d_core.report.html import percent, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.sections.answers import pair, tested
+from aug3d_core.report.sections.remedies import as_html
 from aug3d_core.report.sections.tracks import ENOUGH
 from aug3d_core.report.sections.verdicts import MAP, VIEWS, Light, Verdict, off_words, verdicts
 
@@ -30,7 +31,7 @@ _RULE = (
     " checked, no if one is bad. Which pictures to use follows from the 95 % interval of the difference in PSNR, paired over"
     " held-out photographs: nothing is decided where it contains zero."
 )
-NOTHING_TO_DO = "Nothing has to be done. aug3d predict {0} makes views, aug3d export {0} DIR --format map a map."
+_NOTHING_TO_DO = "Nothing has to be done. `aug3d predict {0}` makes views, `aug3d export {0} DIR --format map` a map."
 
 
 def answer(run: ReportedRun) -> str:
@@ -46,7 +47,7 @@ def answer(run: ReportedRun) -> str:
         tag("p", lead, class_="lead") + tag("ul", rows, class_="lights"),
         tag("h3", "Where not?") + _listed("ul", where, "Nowhere that was measured."),
         tag("h3", "What to do")
-        + _listed("ol", _to_do(run, judged), NOTHING_TO_DO.format(escape(run.metrics["scene"]))),
+        + _listed("ol", _to_do(run, judged), as_html(_NOTHING_TO_DO.format(run.metrics["scene"]))),
         tag("details", tag("summary", "How this is decided") + tag("p", _RULE, class_="dim")),
     )
     return tag("div", "".join(parts), class_="card answer")
@@ -105,7 +106,7 @@ def _where(run: ReportedRun) -> Iterator[str]:
     if run.seen_by is not None and (thin := (run.seen_by >= 0) & (run.seen_by < ENOUGH)).any():
         said = thin_words(thin, run.seen_by >= 0, run.enclosed, run.unit == "m")
         told = tag("code", f"aug3d advise {escape(run.metrics['scene'])} DIR")
-        yield f"{said} {tag('a', 'See the map.', href='#overlap')} {told} tells what to photograph next within the flight."
+        yield f"{said} {tag('a', 'See the map.', href='#overlap')} {told} says what to photograph next within the flight."
     placed, photos = run.metric("sfm", "registered"), run.metric("sfm", "photos")
     if isinstance(placed, int) and isinstance(photos, int) and placed < photos:
         verb = "has" if photos - placed == 1 else "have"
@@ -159,7 +160,7 @@ def _to_do(run: ReportedRun, judged: Sequence[Verdict]) -> list[str]:
     """Return what to do as HTML: why a run stopped first, then the bad checks, then those that are to be looked at."""
     stopped = [escape(run.metrics["failure"]["remedy"])] if "failure" in run.metrics else []
     ordered = [one for light in _WORST_FIRST[:2] for one in judged if one.light == light]
-    return [*stopped, *dict.fromkeys(f"{tag('b', escape(one.what))}: {escape(one.to_do)}" for one in ordered)]
+    return [*stopped, *dict.fromkeys(f"{tag('b', escape(one.what))}: {as_html(one.to_do)}" for one in ordered)]
 
 
 def _listed(kind: str, items: Sequence[str], none: str) -> str:

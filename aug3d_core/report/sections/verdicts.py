@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
 from typing import Literal
@@ -12,7 +12,7 @@ from aug3d_core.judging.summary import FROM_MESH
 from aug3d_core.report.html import number, percent, tag
 from aug3d_core.report.reported_run import ReportedRun
 from aug3d_core.report.sections.control import surveyed
-from aug3d_core.report.sections.remedies import REMEDIES
+from aug3d_core.report.sections.remedies import remedy
 from aug3d_core.report.sections.tracks import ENOUGH
 
 Light = Literal["good", "check", "bad"]
@@ -85,37 +85,37 @@ def _geometry(run: ReportedRun) -> Iterator[Verdict]:
     if placed is not None:
         figure = f"{number(run.metric('sfm', 'registered'))} of {number(run.metric('sfm', 'photos'))}"
         light, bounds = _least(placed, 0.95, 0.75), "good from 95 %, bad below 75 %"
-        yield Verdict("photographs with a pose", light, figure, bounds, MAP, REMEDIES["pose"])
+        yield Verdict("photographs with a pose", light, figure, bounds, MAP, remedy("pose", run))
     error_px = run.figure("sfm", "reprojection_px")
     if error_px is not None:
         light, bounds = _most(error_px, 1, 2), "good to 1 px, bad above 2"
-        yield Verdict("reprojection error", light, f"{error_px:.2f} px", bounds, MAP, REMEDIES["error"])
+        yield Verdict("reprojection error", light, f"{error_px:.2f} px", bounds, MAP, remedy("error", run))
     gps_m = run.figure("sfm", "gps_residual_m_median")
     if gps_m is not None:
         light, bounds = _most(gps_m, 5, 15), "good to 5 m, bad above 15"
-        yield Verdict("GPS error, median", light, f"{gps_m:.1f} m", bounds, MAP, REMEDIES["gps"])
+        yield Verdict("GPS error, median", light, f"{gps_m:.1f} m", bounds, MAP, remedy("gps", run))
     elif run.record("sfm") and surveyed(run).empty:
-        yield Verdict("GPS", "check", "not used", "without it, lengths are nominal", MAP, REMEDIES["no gps"])
+        yield Verdict("GPS", "check", "not used", "without it, lengths are nominal", MAP, remedy("no gps", run))
     if run.seen_by is not None and (run.seen_by >= 0).any():
         share = float((run.seen_by[run.seen_by >= 0] >= ENOUGH).mean())
         what = f"ground seen by {ENOUGH} or more photographs"
         light, bounds = _least(share, 0.8, 0.5), "good from 80 %, bad below 50 %"
-        yield Verdict(what, light, percent(share), bounds, MAP, REMEDIES["ground"])
+        yield Verdict(what, light, percent(share), bounds, MAP, remedy("ground", run))
     bad = _of_folds(run, "overlap", "bad_members_share")
     if bad:
         light, bounds = _most(max(bad), 0.01, 0.2), _bounds("1 %", "20 %", bad)
-        yield Verdict("bad group members", light, percent(max(bad), 1), bounds, VIEWS, REMEDIES["groups"])
+        yield Verdict("bad group members", light, percent(max(bad), 1), bounds, VIEWS, remedy("groups", run))
     seen = _of_folds(run, "surface", "target_covered_share_full")
     if seen:
         what, bounds = "held-out photographs: share covered by the mesh", _bounds("90 %", "60 %", seen, least=True)
-        yield Verdict(what, _least(min(seen), 0.9, 0.6), percent(min(seen)), bounds, MAP, REMEDIES["holes"])
+        yield Verdict(what, _least(min(seen), 0.9, 0.6), percent(min(seen)), bounds, MAP, remedy("holes", run))
     error_pct = run.figure("truth", "position_error_pct")
     if error_pct is not None:
         what, bounds = (
             "camera position error against ground truth",
             "median, relative to the extent; good to 0.1 %, bad above 1 %",
         )
-        yield Verdict(what, _most(error_pct, 0.1, 1), f"{error_pct:.3f} %", bounds, MAP, REMEDIES["error"])
+        yield Verdict(what, _most(error_pct, 0.1, 1), f"{error_pct:.3f} %", bounds, MAP, remedy("error", run))
 
 
 def _test(run: ReportedRun) -> Iterator[Verdict]:
@@ -123,36 +123,37 @@ def _test(run: ReportedRun) -> Iterator[Verdict]:
     if kept:
         bounds = _bounds("90 %", "50 %", kept, least=True)
         light = _least(min(kept), 0.9, 0.5)
-        yield Verdict("rendered views kept", light, percent(min(kept)), bounds, VIEWS, REMEDIES["renders"])
+        yield Verdict("rendered views kept", light, percent(min(kept)), bounds, VIEWS, remedy("renders", run))
     audits = [run.in_fold(fold).metric("dataset", "leak_audit") for fold in range(run.folds)]
     found = [str(audit) for audit in audits if audit]
     if found:
         light = "good" if set(found) == {"pass"} else "check" if set(found) <= {"pass", "doubtful"} else "bad"
         figure = ", ".join(dict.fromkeys(found))
-        yield Verdict("leak audit", light, figure, "good if every check passes", VIEWS, REMEDIES["leaks"])
+        yield Verdict("leak audit", light, figure, "good if every check passes", VIEWS, remedy("leaks", run))
     nvs = run.metrics.get("nvs")
     if nvs:
         psnr_db = nvs["test_psnr_mean"]
         light, figure = _least(psnr_db, _GOOD_DB, _BAD_DB), f"{psnr_db:.1f} dB"
         bounds = f"good from {_GOOD_DB:g} dB ({off_words(_GOOD_DB)}), bad below {_BAD_DB:g} dB ({off_words(_BAD_DB)})"
-        yield Verdict("held-out photographs, predicted", light, figure, bounds, VIEWS, REMEDIES["views"])
+        yield Verdict("held-out photographs, predicted", light, figure, bounds, VIEWS, remedy("views", run))
     if nvs and any(value is not None for value in nvs["cheap"].values()):
         cheap = {name: value for name, value in nvs["cheap"].items() if value is not None}
-        yield _against_cheap(nvs["test_psnr_mean"], cheap, nvs["over_ci"])
+        yield _against_cheap(run, cheap)
 
 
-def _against_cheap(model: float, cheap: Mapping[str, float], over_ci: Mapping[str, Sequence[float] | None]) -> Verdict:
+def _against_cheap(run: ReportedRun, cheap: Mapping[str, float]) -> Verdict:
     """Compare the model with the cheap answers. Those of the mesh were made from more than the model's inputs."""
+    model = run.metrics["nvs"]["test_psnr_mean"]
     best = max(cheap, key=lambda name: cheap[name])
     from_inputs = max((value for name, value in cheap.items() if name not in FROM_MESH), default=-float("inf"))
-    ends = over_ci[best]
+    ends = run.metrics["nvs"]["over_ci"][best]
     light: Light = "good" if ends and ends[0] > 0 else "check" if model >= from_inputs else "bad"
     what = f"model against the best cheap answer ({called(best)})"
     bounds = (
         "good if the 95 % interval, paired over photographs, is above zero; bad below those made from the same inputs"
     )
     interval = f" ({ends[0]:+.2f} to {ends[1]:+.2f})" if ends else ""
-    to_do = REMEDIES["simpler" if ends and ends[1] < 0 else "undecided"]
+    to_do = remedy("simpler" if ends and ends[1] < 0 else "undecided", run)
     return Verdict(what, light, f"{model - cheap[best]:+.2f} dB{interval}", bounds, MODEL, to_do)
 
 

@@ -49,8 +49,9 @@ def test_a_use_is_as_good_as_its_worst_check(tmp_path, share, said, word):
 
 
 def test_where_all_is_good_nothing_has_to_be_done(tmp_path):
-    page = plain(of(tmp_path, placed(1.0)))
-    assert "Nowhere that was measured." in page and "Nothing has to be done. aug3d predict s makes views" in page
+    page = of(tmp_path, placed(1.0))
+    assert "Nowhere that was measured." in page
+    assert "Nothing has to be done. <code>aug3d predict s</code> makes views" in page
 
 
 def test_what_is_bad_is_done_first(tmp_path):
@@ -112,6 +113,14 @@ def test_a_run_that_stopped_says_what_to_do_first(tmp_path):
     assert plain(page).partition("What to do")[2].split() and "<ol><li>fly &lt;again&gt;</li>" in page
 
 
+@pytest.mark.parametrize("preset", ["tiny", "auto"])
+def test_a_run_is_not_told_to_use_the_preset_that_it_used(tmp_path, preset):
+    overlap = (Step(STAGES["overlap"]), record("overlap", metrics={"bad_members_share": 0.3}), tmp_path)
+    page = answer(run_of([overlap], preset=preset, nvs={"test_psnr_mean": 18.0, "cheap": {}}))
+    assert "<code>--set grouping.k=N</code>" in page and "<code>aug3d advise s DIR</code> says from where" in page
+    assert page.count("<code>--preset auto</code>") == (0 if preset == "auto" else 2)
+
+
 def test_nothing_measured_has_no_answer():
     assert answer(run_of([])) == ""
 
@@ -120,7 +129,7 @@ def test_a_flight_is_answered_from_its_files(tmp_path):
     page = answer(flown(tmp_path))
     assert "1 of 13 photographs has no pose." in page and EVIL not in page
     thin = "of the mapped ground is in fewer than 5 photographs, most of it beyond the edge of the flight, above all in the"
-    assert thin in page and "advise s DIR</code> tells what to photograph next within the flight" in page
+    assert thin in page and "advise s DIR</code> says what to photograph next within the flight" in page
 
 
 def ground(rows: slice, columns: slice) -> np.ndarray:
