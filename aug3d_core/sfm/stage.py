@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pycolmap
 
 from aug3d_core.geometry.transforms import centres
@@ -20,8 +22,8 @@ from aug3d_core.sfm.config import SfmConfig
 from aug3d_core.sfm.control import surveyed
 from aug3d_core.sfm.decisions import sfm_decisions
 from aug3d_core.sfm.files import FEATURES, SFM_MAP, UNPLACED
-from aug3d_core.sfm.grow import find_earlier
-from aug3d_core.sfm.hold import hold, why_all_move
+from aug3d_core.sfm.grow import Earlier, find_earlier
+from aug3d_core.sfm.hold import Held, hold, why_all_move
 from aug3d_core.sfm.joint import Joint, weakest_joint
 from aug3d_core.sfm.mapping import Mapped, reconstruct
 from aug3d_core.sfm.matching_table import read_matching_table
@@ -29,6 +31,7 @@ from aug3d_core.sfm.refusal import nothing_found, refuse_one_spot, refuse_short_
 from aug3d_core.sfm.rolling_shutter import measure_rolling_shutter, shutter_metrics, shutter_notes
 from aug3d_core.sfm.unplaced import unplaced_notes, unplaced_table
 from aug3d_core.sfm.write import (
+    Located,
     align_model,
     alignment_notes,
     flight_doming,
@@ -51,6 +54,21 @@ _SPOT_NOTE = (
 )
 
 
+@dataclass(frozen=True)
+class _Mapping:
+    """The models that mapping found.
+
+    earlier: the model of the scene before it grew. held: that one with what is new, where its poses stay. poses_reason: why
+    they stay or do not; None without an earlier model.
+    """
+
+    mapped: Mapped
+    earlier: Earlier | None
+    held: Held | None
+    poses_reason: str | None
+    may_be_one_spot: bool
+
+
 def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Outcome:
     """Reconstruct the photographs and write the largest model; the others are kept beside it.
 
@@ -58,34 +76,13 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     """
     pycolmap.logging.minloglevel = 1  # warnings only: mapping writes dozens of lines per photograph
     photos, images = read_photos(inputs["photos"]), inputs["photos"] / PHOTO_IMAGES
-    matching = read_matching_table(inputs["matching"])
-    (out / MAPPING).mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out / MAPPING) as scratch:  # a killed try's goes with the rest of it
-        database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
-        may_be_one_spot = refuse_one_spot(database)
-        earlier, marks = find_earlier(photos, database, inputs.get(EARLIER)), read_control_marks(inputs["photos"])
-        told = earlier and surveyed(earlier.model, marks)
-        mapped, held, found = (
-            None,
-            None,
-            earlier and why_all_move(earlier, len(photos), bool(told and told.world_from_model)),
-        )
-        if earlier and not found:
-            about = out / MAPPING / "still"
-            mapped = reconstruct(images, database, photos, config, about, progress, earlier.model, still=True)
-            if mapped.models:
-                held, found = hold(mapped.models[0], earlier, photos, marks, config.seed)
-        if not (mapped and held):
-            mapped = reconstruct(images, database, photos, config, out / MAPPING, progress, earlier and earlier.model)
+    matching, marks = read_matching_table(inputs["matching"]), read_control_marks(inputs["photos"])
+    found = _map(inputs, photos, marks, config, out / MAPPING, progress)
+    mapped, earlier, held = found.mapped, found.earlier, found.held
     if not mapped.models:
         raise nothing_found(matching)
     progress(len(photos), len(photos), "photographs placed; adjusting them, and writing them undistorted")
-    largest = mapped.models[0]
-    if held:
-        chosen, located, arrays = chosen_before(held.model, photos), held.located, held.arrays
-    else:
-        chosen = chosen_before(adjusted_as_it_was(largest), photos) if earlier else choose_camera_model(largest, photos)
-        located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(config.seed), chosen)
+    chosen, located, arrays = _placed(found, photos, marks, config.seed)
     falloffs = measure_falloffs(chosen.model, images, earlier.known_falloffs if earlier else {})
     known = earlier.images_as_they_are(chosen.model, falloffs) if earlier else {}
     settled = earlier.settled if earlier and held else None
@@ -95,21 +92,19 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
     unplaced = unplaced_table(photos, matching, _components(chosen.model, mapped), images)
     unplaced.to_parquet(out / UNPLACED)
     doming = flight_doming(arrays, located, photos)
-    metrics = model_metrics(chosen.model, arrays, located, photos, doming, falloffs) | _choices(mapped, chosen)
     shutter = measure_rolling_shutter(arrays.views, arrays.points, arrays.tracks, photos)
     joint = weakest_joint(arrays.tracks, len(arrays.views))
-    metrics |= shutter_metrics(shutter) | {
-        "components": len(mapped.models),
-        "grown_from": len(earlier.was) if earlier else 0,
-        "poses_kept": len(earlier.was) if earlier and held else 0,
-        "poses_reason": found,
-        "weakest_joint_points": joint and joint.points,
-        "weakest_joint_share": joint and joint.share,
-    }
+    metrics = (
+        model_metrics(chosen.model, arrays, located, photos, doming, falloffs)
+        | _choices(mapped, chosen)
+        | shutter_metrics(shutter)
+        | _growth(found)
+        | {"weakest_joint_points": joint and joint.points, "weakest_joint_share": joint and joint.share}
+    )
     few = len(arrays.views) < _LEAST_PLACED * len(photos)
     bent = doming is not None and doming.flagged
     doubts = [*_doubts(arrays, joint), *shutter_notes(shutter)]
-    if may_be_one_spot and not chosen.focal_known and not located.alignment.metric:
+    if found.may_be_one_spot and not chosen.focal_known and not located.alignment.metric:
         doubts.append(_SPOT_NOTE)
     return Outcome(
         metrics=metrics,
@@ -125,6 +120,60 @@ def run(inputs: Inputs, config: SfmConfig, out: Path, progress: Progress) -> Out
         pictures={"Points and cameras from above": SFM_MAP},
         decisions=tuple(sfm_decisions(metrics)),
     )
+
+
+def _map(
+    inputs: Inputs,
+    photos: pd.DataFrame,
+    marks: pd.DataFrame | None,
+    config: SfmConfig,
+    folder: Path,
+    progress: Progress,
+) -> _Mapping:
+    """Map about the earlier poses where there are some that may stay, else all photographs together."""
+    images = inputs["photos"] / PHOTO_IMAGES
+    folder.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:  # a killed try's goes with the rest of it
+        database = Path(shutil.copy(inputs["matching"] / FEATURES, scratch))  # opening it may write to it
+        may_be_one_spot = refuse_one_spot(database)
+        earlier = find_earlier(photos, database, inputs.get(EARLIER))
+        reason = None
+        if earlier:
+            told = surveyed(earlier.model, marks)
+            reason = why_all_move(earlier, len(photos), bool(told and told.world_from_model))
+            if not reason:
+                start = folder / "still"
+                mapped = reconstruct(images, database, photos, config, start, progress, earlier.model, still=True)
+                if mapped.models:
+                    held, reason = hold(mapped.models[0], earlier, photos, marks, config.seed)
+                    if held:
+                        return _Mapping(mapped, earlier, held, reason, may_be_one_spot)
+        mapped = reconstruct(images, database, photos, config, folder, progress, earlier and earlier.model)
+    return _Mapping(mapped, earlier, None, reason, may_be_one_spot)
+
+
+def _placed(
+    found: _Mapping, photos: pd.DataFrame, marks: pd.DataFrame | None, seed: int
+) -> tuple[Chosen, Located, export.Arrays]:
+    """Return the largest model with its cameras, how it lies in the world, and what it holds there."""
+    if found.held:
+        return chosen_before(found.held.model, photos), found.held.located, found.held.arrays
+    largest = found.mapped.models[0]
+    chosen = (
+        chosen_before(adjusted_as_it_was(largest), photos) if found.earlier else choose_camera_model(largest, photos)
+    )
+    located, arrays = align_model(chosen.model, photos, marks, np.random.default_rng(seed), chosen)
+    return chosen, located, arrays
+
+
+def _growth(found: _Mapping) -> dict[str, Metric]:
+    was = len(found.earlier.was) if found.earlier else 0
+    return {
+        "components": len(found.mapped.models),
+        "grown_from": was,
+        "poses_kept": was if found.held else 0,
+        "poses_reason": found.poses_reason,
+    }
 
 
 def _doubts(arrays: export.Arrays, joint: Joint | None) -> list[str]:
