@@ -1,6 +1,9 @@
 """COLMAP's dense workspace: images and a sparse model at the size of the depth maps, and the lists that its tools read.
 
 Layout of COLMAP 3.x and 4.x: images/, sparse/, stereo/patch-match.cfg, stereo/fusion.cfg, stereo/depth_maps|normal_maps/.
+
+COLMAP's dense tools take the index of a pixel for its centre, where its cameras have that half a pixel further right and down
+(https://github.com/colmap/colmap/issues/1515). So the model here is one of indices: in it, pixel centres are whole numbers.
 """
 
 from __future__ import annotations
@@ -58,7 +61,7 @@ def write_workspace(
 def sparse_model(
     views: Views, sizes: Int[np.ndarray, "n 2"], points: Points, tracks: Tracks, chosen: list[int]
 ) -> pycolmap.Reconstruction:
-    """Return the chosen views (image id: view + 1) and the points that two or more of them see, in pixels of `sizes`."""
+    """Return the chosen views (image id: view + 1) and the points that two or more of them see, in array indices of `sizes`."""
     model = pycolmap.Reconstruction()
     kept = np.isin(tracks.view, chosen)
     kept &= np.bincount(tracks.point[kept], minlength=len(points.xyz))[tracks.point] >= 2
@@ -73,13 +76,13 @@ def sparse_model(
                 model="PINHOLE",
                 width=camera.width,
                 height=camera.height,
-                params=camera.intrinsics,
+                params=camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]],
                 camera_id=view + 1,
             )
         )
         image = pycolmap.Image(
             name=image_name(views.photo_id[view]),
-            keypoints=tracks.xy[rows] * scale[view],
+            keypoints=tracks.xy[rows] * scale[view] - 0.5,
             camera_id=view + 1,
             image_id=view + 1,
         )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 import pytest
+from PIL import Image
 from scipy.spatial import KDTree
 
 from aug3d_core.depth.cameras import camera_of, depth_sizes
@@ -17,6 +18,8 @@ from aug3d_core.depth.workspace import write_workspace
 from aug3d_core.geometry.depth_maps import read_map, write_map
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.ground_tiles import EVERYWHERE, leaves
+from aug3d_core.geometry.transforms import apply, project
+from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.photos.files import image_name
 from tests.engines.test_depth import MAP_PX, SCENE, sparse, true_depth, true_views
 
@@ -65,6 +68,33 @@ def test_a_scene_below_the_limit_has_the_bytes_of_one_fusion(dense: Dense, whole
     assert fuse_to(tmp_path / FUSED, dense, EVERY) == (len(whole.xyz), 1)
     assert (tmp_path / FUSED).read_bytes() == (tmp_path / "whole.npz").read_bytes()
     assert not (tmp_path / FUSED_TILES).exists()
+
+
+def test_points_lie_where_pixels_see_them_whichever_way_the_camera_is_turned(tmp_path: Path) -> None:
+    """On a slope, so that half a pixel aside is seen: from straight above flat ground nobody would."""
+    slope, headings = np.array([-0.5, 0.0, 1.0]), np.radians([0, 180, 90])
+    down = np.array([[(np.cos(h), np.sin(h), 0), (np.sin(h), -np.cos(h), 0), (0, 0, -1)] for h in headings])
+    at = np.array([[x, 0, 50.0] for x in (-4, 0, 4)])
+    pose = np.concatenate([down, -np.einsum("vij,vj->vi", down, at)[..., None]], axis=-1)
+    views = Views(np.arange(3), pose, np.tile([60.0, 60, 32, 24], (3, 1)), np.tile([64, 48], (3, 1)))
+    xyz = np.array([[2.0 * x, 2.0 * y, x] for x in range(-3, 4) for y in range(-3, 4)])
+    view, point = np.tile(range(3), len(xyz)), np.repeat(range(len(xyz)), 3)
+    xy = project(apply(pose[view], xyz[point][:, None])[:, 0], views.intrinsics[0])
+    points = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
+    dense = Dense(tmp_path / "workspace", views, views.size, points, Tracks(point, view, xy))
+    for photo in range(3):
+        Image.new("RGB", (64, 48)).save(tmp_path / image_name(photo))
+    write_workspace(dense.workspace, views, dense.sizes, points, dense.tracks, tmp_path, tmp_path / "masks", [0, 1, 2])
+    for photo in range(3):
+        normal = np.broadcast_to(down[photo] @ slope / np.linalg.norm(slope), (48, 64, 3)).astype(np.float32)
+        depth = -(slope @ at[photo]) / (dense.camera(photo).rays @ down[photo] @ slope)
+        write_map(dense.map_path(WORKSPACE_DEPTH_MAPS, photo), depth.astype(np.float32))
+        write_map(dense.map_path(WORKSPACE_NORMAL_MAPS, photo), normal)
+    for most, tiles in ((10_000, 1), (3_000, 4)):
+        assert fuse_to(tmp_path / FUSED, dense, [0, 1, 2], most=most)[1] == tiles
+        fused = Fused.load(tmp_path / FUSED)
+        assert np.abs(fused.xyz @ slope).max() < 0.001, "a pixel is 0.8 wide"
+        assert len(fused.xyz) > 2000
 
 
 def test_tiles_hold_the_points_of_the_whole_in_their_order(
