@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aug3d_core.dataset.projection import ground_points, shows
 from aug3d_core.dataset.scene import no_fine_images
 from aug3d_core.judging.cheap_answers import ground_homography
 from aug3d_core.judging.scores import psnr
@@ -54,6 +55,19 @@ def test_a_sweep_finds_boxes_without_being_told(scene):
     target, inputs = members(scene)
     swept, flat = (answer(scene, target, inputs) for answer in (plane_sweep, ground_homography))
     assert psnr(scene.images[target], swept) > psnr(scene.images[target], flat)
+
+
+def test_a_sweep_lays_what_a_single_input_sees_on_the_ground(scene):
+    """Two inputs that look elsewhere: nothing can be compared."""
+    target, inputs = members(scene)
+    poses = scene.world_from_cam.copy()
+    poses[inputs[1:3], 0, 3] += 1e4
+    alone = replace(scene, world_from_cam=poses)
+    swept, flat = (answer(alone, target, inputs[:3]).astype(int) for answer in (plane_sweep, ground_homography))
+    points, _ = ground_points(alone, target)
+    seen = shows(alone, int(inputs[0]), points).reshape(48, 64)
+    assert seen.mean() > 0.2
+    assert np.median(np.abs(swept - flat)[seen]) <= 1
 
 
 @pytest.mark.parametrize("answer", [plane_sweep, guided_blend])
