@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from aug3d_core.depth.job import DepthJob
-from aug3d_core.run.helper_process import run_worker
+from aug3d_core.run.helper_process import ONE_THREAD, run_worker
 
 
 def run_jobs(jobs: list[DepthJob], on_photo: Callable[[], None]) -> list[list[str]]:
@@ -26,5 +26,5 @@ def _run(job: DepthJob, on_photo: Callable[[], None]) -> list[str]:
         reported.append(line)
         on_photo()
 
-    run_worker("aug3d_core.depth.worker", job, report, "a depth worker", "lower depth.max_px")
+    run_worker("aug3d_core.depth.worker", job, report, "a depth worker", "lower depth.max_px", ONE_THREAD)
     return reported

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from aug3d_core.depth.cameras import Camera, relative_pose
 
@@ -45,7 +45,10 @@ def make_family(
 ) -> Family:
     """Return planes from `farthest` to `nearest`, no source pixel moving more than `step_px` between two."""
     inverse = np.linspace(1 / farthest, 1 / nearest, _PARTS + 1)
-    moved = np.max([_moved_px(reference, source, normal, inverse) for source in sources], axis=0)
+    rows, columns = (np.linspace(0, side - 1, _PROBES).astype(int) for side in (reference.height, reference.width))
+    rays = reference.rays[rows][:, columns].reshape(-1, 3)
+    depth = 1 / (inverse[:, None] * (rays @ normal))
+    moved = np.max([_moved_px(reference, source, rays, depth) for source in sources], axis=0)
     moved = np.maximum(moved, (_FEWEST_PLANES - 1) * step_px / _PARTS)  # what no source shows is passed in a few planes
     path = np.concatenate([[0.0], np.cumsum(moved)])
     count = int(np.clip(np.ceil(path[-1] / step_px) + 1, _FEWEST_PLANES, MOST_PLANES))
@@ -53,13 +56,13 @@ def make_family(
 
 
 def _moved_px(
-    reference: Camera, source: Camera, normal: Float[np.ndarray, " 3"], inverse: Float[np.ndarray, " k"]
+    reference: Camera, source: Camera, rays: Float[np.ndarray, "p 3"], depth: Float[np.ndarray, "k p"]
 ) -> Float[np.ndarray, " k-1"]:
-    """Return how far a pixel that the source shows travels from each plane to the next; 0 where it shows none."""
-    rows, columns = (np.linspace(0, side - 1, _PROBES).astype(int) for side in (reference.height, reference.width))
-    rays = reference.rays[rows][:, columns].reshape(-1, 3)
+    """Return how far a pixel that the source shows travels from each plane to the next; 0 where it shows none.
+
+    rays: of the probes in the reference's frame, z = 1. depth: of each plane along them.
+    """
     rotation, translation = relative_pose(reference, source)
-    depth = 1 / (inverse[:, None] * (rays @ normal))
     points = (depth[..., None] * rays) @ rotation.T + translation
     ahead = (points[..., 2] > 0) & (depth > 0)
     at_px = (
@@ -69,6 +72,16 @@ def _moved_px(
     shown = ahead & (at_px >= 0).all(axis=-1) & (at_px <= [source.width, source.height]).all(axis=-1)
     length = np.linalg.norm(np.diff(at_px, axis=0), axis=-1)
     counts = (shown[1:] | shown[:-1]) & ahead[1:] & ahead[:-1]
-    return np.array(
-        [np.percentile(px[one], _USUAL_PCT) if one.any() else 0.0 for px, one in zip(length, counts, strict=True)]
-    )
+    return _usual(length, counts)
+
+
+def _usual(length: Float[np.ndarray, "k p"], counts: Bool[np.ndarray, "k p"]) -> Float[np.ndarray, " k"]:
+    """Return for each row NumPy's percentile of what counts, to the bit, 0 where nothing does: a call for each takes long."""
+    last = np.maximum(counts.sum(axis=1) - 1, 0)
+    ordered = np.sort(np.where(counts, length, np.inf), axis=1)
+    ordered[np.isinf(ordered)] = 0.0
+    rank = last * (_USUAL_PCT / 100)
+    floor = np.floor(rank).astype(int)
+    rows = np.arange(len(length))
+    low, high, part = ordered[rows, floor], ordered[rows, np.minimum(floor + 1, last)], rank - floor
+    return np.where(part < 0.5, low + (high - low) * part, high - (high - low) * (1 - part))

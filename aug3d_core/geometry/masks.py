@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, UInt8
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
 
 from aug3d_core.geometry.area_mean import area_mean
 
@@ -32,6 +31,10 @@ def used_pixels(path: Path, size_px: Sequence[int] | None = None) -> Bool[np.nda
 
 def continued(picture: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
     """Return a picture in which the nearest used pixel stands for each that is not; one at least has to be used."""
+    from scipy.ndimage import (
+        distance_transform_edt,
+    )  # takes a sixth of a second to import, and most do without
+
     row, column = np.asarray(distance_transform_edt(~used, return_distances=False, return_indices=True))
     return picture[row, column]
 

@@ -20,6 +20,8 @@ from aug3d_core.run.errors import Aug3dError
 from aug3d_core.run.linux_process import SUPERVISED, die_with_parent
 from aug3d_core.run.stage import Frozen
 
+# `environment` of a worker of one thread: the libraries of engines and of NumPy read these when they are loaded
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 _TAIL_LINES = 20
 Job = TypeVar("Job", bound=Frozen)
 

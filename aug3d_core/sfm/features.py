@@ -22,11 +22,11 @@ import pycolmap
 from jaxtyping import Int, UInt8
 
 from aug3d_core.photos.files import image_name
-from aug3d_core.run.helper_process import run_worker
+from aug3d_core.run.helper_process import ONE_THREAD, run_worker
 from aug3d_core.run.stage import Order, Progress
 from aug3d_core.sfm.coarse import largest
 from aug3d_core.sfm.config import MatchingConfig
-from aug3d_core.sfm.match_worker import ONE_THREAD, MatchJob, PairsTask
+from aug3d_core.sfm.match_worker import MatchJob, PairsTask
 from aug3d_core.sfm.matching_shards import Shard
 
 _CAMERA_MODEL = "SIMPLE_RADIAL"

@@ -18,9 +18,6 @@ from aug3d_core.run.helper_process import begin
 from aug3d_core.run.stage import Frozen
 from aug3d_core.sfm.matching_shards import FEATURE_TABLES, MATCH_TABLES, Shard
 
-# COLMAP's libraries read these when they are loaded
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-
 
 class PairsTask(Frozen):
     """A shard of pairs of photographs, by their ids in the database, and those of them that are not matched yet."""

@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+from random import Random
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from aug3d_core.depth.cameras import Camera, relative_pose
-from aug3d_core.depth.planes import horizontal_normal, make_family
+from aug3d_core.depth.planes import _usual, horizontal_normal, make_family
 from aug3d_core.geometry.transforms import look_at
 
 STEP_PX = 2.0
@@ -73,3 +78,14 @@ def test_the_range_is_covered_from_end_to_end() -> None:
     reference = camera(0)
     family = make_family(reference, [camera(10)], np.array([0.0, 0.0, 1.0]), 30.0, 45.0, STEP_PX)
     np.testing.assert_allclose(1 / family.inverse_distance[[0, -1]], [45.0, 30.0])
+
+
+@given(
+    arrays(float, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=st.floats(0, 50)),
+    st.floats(0, 1),
+    st.randoms(),
+)
+def test_what_usually_moves_is_the_percentile_of_what_counts(length: np.ndarray, share: float, random: Random) -> None:
+    counts = np.array([[random.random() < share for _ in row] for row in length])
+    numpys = [np.percentile(px[one], 90) if one.any() else 0.0 for px, one in zip(length, counts, strict=True)]
+    np.testing.assert_array_equal(_usual(length, counts), numpys)

@@ -10,7 +10,7 @@ from typing import Any
 import pycolmap
 import pytest
 
-from aug3d_core.sfm import match_worker
+from aug3d_core.run.helper_process import ONE_THREAD
 from aug3d_core.sfm.match_worker import _copy_part, _match
 
 
@@ -46,6 +46,6 @@ def test_pairs_are_matched_on_one_thread_or_some_would_be_lost(tmp_path: Path, m
     _match(tmp_path / "part.db", [("a.png", "b.png"), ("a.png", "c.png")], 7)
     ((_, matching, pairing, verification),) = seen
     assert matching.num_threads == 1
-    assert {match_worker.ONE_THREAD[name] for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")} == {"1"}
+    assert {ONE_THREAD[name] for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")} == {"1"}
     assert verification.ransac.random_seed == 7
     assert Path(pairing.match_list_path).read_text() == "a.png b.png\na.png c.png\n"
