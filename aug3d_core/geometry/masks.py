@@ -31,9 +31,7 @@ def used_pixels(path: Path, size_px: Sequence[int] | None = None) -> Bool[np.nda
 
 def continued(picture: UInt8[np.ndarray, "h w 3"], used: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
     """Return a picture in which the nearest used pixel stands for each that is not; one at least has to be used."""
-    from scipy.ndimage import (
-        distance_transform_edt,
-    )  # takes a sixth of a second to import, and most do without
+    from scipy.ndimage import distance_transform_edt  # takes 0.17 s, and most processes do without
 
     row, column = np.asarray(distance_transform_edt(~used, return_distances=False, return_indices=True))
     return picture[row, column]

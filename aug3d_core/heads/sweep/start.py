@@ -23,7 +23,7 @@ def first_weights(head: nn.Module, start: str) -> dict[str, Tensor]:
     weights = _read(file)
     if start == TOWNS and file_digest(file) != SHIPPED_DIGEST:
         raise InputError(f"{file} is not what aug3d ships", "install aug3d again, or set training.head.start=random")
-    return _of(head, file, weights)
+    return _fitting(head, file, weights)
 
 
 def _read(file: Path) -> dict[str, Tensor]:
@@ -38,7 +38,7 @@ def _read(file: Path) -> dict[str, Tensor]:
         ) from error
 
 
-def _of(head: nn.Module, file: Path, weights: dict[str, Tensor]) -> dict[str, Tensor]:
+def _fitting(head: nn.Module, file: Path, weights: dict[str, Tensor]) -> dict[str, Tensor]:
     own = {name: tuple(value.shape) for name, value in head.state_dict().items()}
     if missing := sorted(own.keys() - weights.keys()):
         raise InputError(f"training.head.start: {file} is of another head: it has no {missing[0]}", _OTHERWISE)
