@@ -18,19 +18,13 @@ from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.flights import overlapping
 from aug3d_core.collections.made import MadeCollection, make_collection, step_count
-from aug3d_core.collections.versions import (
-    collection_metrics,
-    held_back,
-    new_version,
-    version_metrics,
-    versions,
-)
+from aug3d_core.collections.versions import collection_metrics, held_back
 from aug3d_core.scene_files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.code_version import code_version
 from aug3d_core.store.published import publish, published
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import bring_report, share_version, write_metrics
+from aug3d_core.store.scenes import bring_report, new_version, share_version, version_metrics, versions, write_metrics
 from aug3d_core.store.store import Store
 from flows.photographs import material_of
 from flows.regenerate import NOT_PUBLISHED, PUBLISHED, UNCHANGED
@@ -67,7 +61,7 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
         store, entry, read_each(store), lambda of: through_prefect(store, of), say, partial(material_of, store)
     )
     assert made.training
-    newest, last = versions(store, name)[-1:], published(store, name, layout.COLLECTIONS)
+    newest, last = versions(store, name, layout.COLLECTIONS)[-1:], published(store, name, layout.COLLECTIONS)
     if newest and version_metrics(newest[0])["objects"] == [list(item) for item in made.objects]:
         version = newest[0]
     else:
@@ -93,7 +87,7 @@ def _train(store: Store, name: str, entry: CollectionEntry) -> State:
 def _written(store: Store, name: str, made: MadeCollection, seconds: float) -> Path:
     """Write a version of what was made; return its folder."""
     metrics = collection_metrics(name, made, overlapping(store, made.members), code_version(), seconds)
-    version = new_version(store, name)
+    version = new_version(store, name, layout.COLLECTIONS)
     page.write(store, metrics, made, version / layout.REPORT)
     write_metrics(version, metrics)
     return version

@@ -18,23 +18,21 @@ from rich.table import Table
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.collections.towns import town_works
-from aug3d_core.collections.versions import version_metrics, versions
 from aug3d_core.factory.build import build
 from aug3d_core.factory.config import AUTO, scene_config
 from aug3d_core.run.errors import Aug3dError, StageFailed, StoreError, UsageError
 from aug3d_core.run.limits import limits_from
-from aug3d_core.run.nested import nested, value_at
 from aug3d_core.scene_files import read_each
 from aug3d_core.store import layout
 from aug3d_core.store.published import published
 from aug3d_core.store.scene_name import check_scene_name
-from aug3d_core.store.scenes import bring_report
+from aug3d_core.store.scenes import bring_report, version_metrics, versions
 from aug3d_core.store.store import Store
 from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preflight import check_servers, check_weights
 from flows.reading import read_store
 from flows.refusal import typed_errors
-from flows.scenes import any_given, checked_options, schedule_of
+from flows.scenes import any_given, checked_options, confirm_removal, schedule_of, settings_of
 from flows.server import prefect_server
 from flows.settings import HOME_VARIABLE, OURS, apply_local_environment
 from flows.summary import command
@@ -93,7 +91,7 @@ def add(
             towns=towns,
             towns_seed=towns_seed,
             preset=preset,
-            settings=_settings(preset, set_),
+            settings=settings_of(preset, set_),
             description=description,
             schedule=schedule_of(None, cron, every, timezone) if any_given(cron, every) else None,
         )
@@ -139,7 +137,7 @@ def show(name: Name, home: Home = DEFAULT_HOME, as_json: AsJson = False) -> None
     with typed_errors(as_json, home):
         store = read_store(home)
         entry = COLLECTIONS.read(store, name)
-        found = versions(store, name)
+        found = versions(store, name, layout.COLLECTIONS)
         metrics = version_metrics(found[-1]) if found else None
         if found:
             bring_report(store, found[-1])
@@ -166,10 +164,7 @@ def remove(
     with typed_errors(as_json, home):
         store = read_store(home)
         file = COLLECTIONS.file(store, name)
-        if not yes:
-            if as_json:
-                raise UsageError("--json asks nothing", "give --yes, too")
-            typer.confirm(f"Remove {file}? (Its {len(versions(store, name))} versions would stay.)", abort=True)
+        confirm_removal(file, len(versions(store, name, layout.COLLECTIONS)), yes, as_json)
         COLLECTIONS.remove(store, name)
         print(json.dumps({"removed": str(file)}) if as_json else f"{file} is removed")
 
@@ -191,7 +186,7 @@ def train(name: Name, home: Home = DEFAULT_HOME, as_json: AsJson = False) -> Non
         console = Console(stderr=as_json)
         with store.using(), prefect_server(store.root) as ready:
             message, complete = _run_flow(name, console, ready)
-        found = versions(store, name)
+        found = versions(store, name, layout.COLLECTIONS)
         if not found:
             raise StageFailed("training", "refused", message, f"see aug3d collections show {name}", "", "")
         metrics = version_metrics(found[-1])
@@ -232,7 +227,7 @@ def export(
 
         store = read_store(home)
         COLLECTIONS.read(store, name)
-        found = versions(store, name)
+        found = versions(store, name, layout.COLLECTIONS)
         if not found:
             raise UsageError(f"collection {name!r} was never trained", f"run aug3d collections train {name} first")
         cache, scenes = Cache(2**28), []
@@ -383,14 +378,8 @@ def _check_scenes(store: Store, names: list[str]) -> None:
         )
 
 
-def _settings(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:
-    config = scene_config(preset, overrides).model_dump(mode="json")
-    paths = [override.partition("=")[0] for override in overrides]
-    return nested({path: value_at(config, path) for path in paths})
-
-
 def _facts(store: Store, name: str, entry: CollectionEntry | Aug3dError) -> dict[str, Any]:
-    found, shown = versions(store, name), published(store, name, layout.COLLECTIONS)
+    found, shown = versions(store, name, layout.COLLECTIONS), published(store, name, layout.COLLECTIONS)
     made = {"versions": len(found), "published": shown.name if shown else None}
     if isinstance(entry, Aug3dError):
         return {"collection": name, "problem": entry.problem, "remedy": entry.remedy, **made}

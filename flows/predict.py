@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from aug3d_core.collections.versions import model_of, versions
+from aug3d_core.collections.versions import metrics_in_use, model_of
 from aug3d_core.factory.build import build, work_of
 from aug3d_core.factory.material import Source, source_of
 from aug3d_core.factory.plan import stage_of
@@ -23,9 +23,8 @@ from aug3d_core.novel.files import PREDICTION_DEPTH, PREDICTION_PANEL, PREDICTIO
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.store import layout
-from aug3d_core.store.published import published
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects, version_metrics
+from aug3d_core.store.scenes import newest_with, object_of, records_of, step_objects, version_metrics, versions
 from aug3d_core.store.store import Store
 from aug3d_core.store.version_name import find_version
 from flows.options import DEFAULT_HOME, AsJson, Home
@@ -177,11 +176,10 @@ def _input_views(store: Store, version: Mapping[str, Any], model: str | None) ->
         return PredictionConfig().input_views  # as docs/weights.md has its test
     if "@" in model:
         return judged_with(store, version_metrics(find_version(store, model)))
-    if found := versions(store, model):
-        trained = model_of(store, model)
-        metrics = version_metrics(published(store, model, layout.COLLECTIONS) or found[-1])
-        judged = (store.find(stage, key) for stage, key in metrics["objects"] if stage == EVALUATION.name)
-        return int(next(filter(None, judged), trained).config["input_views"])
+    if versions(store, model, layout.COLLECTIONS):
+        objects = metrics_in_use(store, model)["objects"]
+        judged = (store.find(stage, key) for stage, key in objects if stage == EVALUATION.name)
+        return int(next(filter(None, judged), model_of(store, model)).config["input_views"])
     return judged_with(store, newest_with(store, model, "training")[0])
 
 

@@ -13,8 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.collections.versions import model_of, versions
+from aug3d_core.collections.versions import model_of
 from aug3d_core.factory.build import Built, Work, build, work_of
 from aug3d_core.factory.config import AUTO, scene_config
 from aug3d_core.factory.material import Material, Source, source_of
@@ -24,8 +23,9 @@ from aug3d_core.heads.config import shipped
 from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
 from aug3d_core.run.errors import UsageError
+from aug3d_core.store import layout
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import object_of
+from aug3d_core.store.scenes import object_of, versions
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.store import Store
 from flows.reading import version_with
@@ -42,11 +42,11 @@ def model_named(store: Store, name: str) -> Source:
         folder, digest, modules = shipped()
         return Source(path=folder, digest=digest, modules=modules)
     version_named = "@" in name
-    if not version_named and versions(store, name):
+    if not version_named and versions(store, name, layout.COLLECTIONS):
         return source_of(store, model_of(store, name))
     if version_named or name in made_scenes(store):
         return source_of(store, object_of(store, version_with(store, name, "training"), "training"))
-    known = sorted({*made_scenes(store), *(one for one in COLLECTIONS.read_each(store) if versions(store, one))})
+    known = sorted({*made_scenes(store), *made_scenes(store, layout.COLLECTIONS)})
     raise UsageError(f"there is no model {name!r} in {store.root}", f"models here: {', '.join([TOWNS, *known])}")
 
 

@@ -83,7 +83,7 @@ def add_scene(
             photos=photos,
             poses=poses,
             preset=preset,
-            settings=_settings(preset, set_),
+            settings=settings_of(preset, set_),
             licence=licence,
             description=description,
             tags=tuple(tag),
@@ -141,10 +141,7 @@ def drop_scene(
         store = read_store(home)
         file = scene_file(store, scene)
         kept = len(versions(store, scene))
-        if not yes and as_json:
-            raise UsageError("--json asks nothing", "give --yes, too")
-        if not yes:
-            typer.confirm(f"Remove {file}? (Its {_counted(kept)} would stay.)", abort=True)
+        confirm_removal(file, kept, yes, as_json)
         remove_scene(store, scene)
         if as_json:
             print(json.dumps({"removed": str(file), "versions": kept}))
@@ -192,6 +189,15 @@ def schedule_scene(
             print(f"{scene}: {facts['when']}{f', next {moment(facts)}' if facts['next'] else ''}")
 
 
+def confirm_removal(file: Path, kept: int, yes: bool, as_json: bool) -> None:
+    """Ask whether a file of a registry is to go. kept: so many versions of it stay. yes: nobody is asked."""
+    if yes:
+        return
+    if as_json:
+        raise UsageError("--json asks nothing", "give --yes, too")
+    typer.confirm(f"Remove {file}? (Its {_counted(kept)} would stay.)", abort=True)
+
+
 def any_given(*options: str | None) -> bool:
     return any(option is not None for option in options)  # an empty one is wrong, not left out
 
@@ -210,7 +216,7 @@ def _check_photos(photos: Path | None, town: bool) -> None:
         raise UsageError(f"--photos {photos} holds no photographs", "give a folder with JPEG, PNG or TIFF files")
 
 
-def _settings(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:
+def settings_of(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:
     """Return overrides of the form `stage.field=value` as the registry holds them, checked and typed."""
     config = scene_config(preset, overrides).model_dump(mode="json")
     paths = [override.partition("=")[0] for override in overrides]

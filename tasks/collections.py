@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aug3d_core.collections.versions import version_metrics
 from aug3d_core.heads.files import MODEL_CONFIG, MODEL_WEIGHTS
 from aug3d_core.metrics.flat import flat_params
 from aug3d_core.store import layout
 from aug3d_core.store.record import Record
-from aug3d_core.store.scenes import masked, mlflow_address
+from aug3d_core.store.scenes import masked, mlflow_address, version_metrics
 from aug3d_core.store.store import Store
 from aug3d_core.studies.common.publication import LoggedRun
 from tasks.mlflow_client import mlflow_client

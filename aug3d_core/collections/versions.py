@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from aug3d_core.collections.made import HOLD_OUT, MadeCollection
@@ -11,22 +10,8 @@ from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import RULES, psnr_fell, published
 from aug3d_core.store.record import Record
-from aug3d_core.store.scene_name import check_scene_name
-from aug3d_core.store.scenes import metrics_fault, version_metrics
+from aug3d_core.store.scenes import version_metrics, versions
 from aug3d_core.store.store import Store
-from aug3d_core.store.timed import timed_folder
-
-
-def new_version(store: Store, name: str) -> Path:
-    """Create the folder of a new version, named by the time in UTC."""
-    return timed_folder(store.root / layout.COLLECTIONS / check_scene_name(name))
-
-
-def versions(store: Store, name: str) -> list[Path]:
-    """Return the folders of the versions that count, oldest first."""
-    store.bring_versions(layout.COLLECTIONS, check_scene_name(name))
-    folder = store.root / layout.COLLECTIONS / check_scene_name(name)
-    return sorted(path.parent for path in folder.glob(f"[!.]*/{layout.METRICS}") if not metrics_fault(path.parent))
 
 
 def collection_metrics(name: str, made: MadeCollection, notes: list[str], code: str, seconds: float) -> dict[str, Any]:
@@ -84,12 +69,17 @@ def held_back(metrics: Mapping[str, Any], before: Mapping[str, Any] | None, most
     return None
 
 
-def model_of(store: Store, name: str) -> Record:
-    """Return the trained model of a collection: of its published version, else of its newest; raises UsageError."""
-    found = versions(store, name)
+def metrics_in_use(store: Store, name: str) -> dict[str, Any]:
+    """Return the `metrics.json` of a collection's published version, else of its newest; raises UsageError without one."""
+    found = versions(store, name, layout.COLLECTIONS)
     if not found:
         raise UsageError(f"collection {name!r} has no model yet", f"train it: aug3d collections train {name}")
-    metrics = version_metrics(published(store, name, layout.COLLECTIONS) or found[-1])
+    return version_metrics(published(store, name, layout.COLLECTIONS) or found[-1])
+
+
+def model_of(store: Store, name: str) -> Record:
+    """Return the trained model of a collection's version in use; raises UsageError if it has none."""
+    metrics = metrics_in_use(store, name)
     record = store.find("training", metrics["training"]["key"])
     if record is None:
         raise StoreError(f"the model of collection {name!r} is gone from {store.root}", "train the collection again")

@@ -1,4 +1,7 @@
-"""Versions of a scene: `scenes/<scene>/<time>/` holds the report and `metrics.json` of one run."""
+"""Versions of a scene: `scenes/<scene>/<time>/` holds the report and `metrics.json` of one run.
+
+Those of a collection lie in `collections/<name>/<time>/`. `top` says which: `layout.SCENES` or `layout.COLLECTIONS`.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,9 @@ from aug3d_core.store.timed import timed_folder
 DIGESTS = "digests"  # in `metrics.json`: of the files beside it
 
 
-def new_version(store: Store, scene: str) -> Path:
+def new_version(store: Store, name: str, top: str = layout.SCENES) -> Path:
     """Create the folder of a new version, named by the time in UTC so that names sort."""
-    return timed_folder(store.root / layout.SCENES / check_scene_name(scene))
+    return timed_folder(store.root / top / check_scene_name(name))
 
 
 def bring_versions(store: Store, scene: str | None = None) -> None:
@@ -88,17 +91,17 @@ def masked(text: str) -> str:
     return re.sub(r"(?<=://)[^/\s]*@", "***@", text)
 
 
-def scenes(store: Store) -> list[str]:
-    """Return the names of all scenes that have a version."""
-    store.bring_versions(layout.SCENES)
-    files = (store.root / layout.SCENES).glob(f"*/[!.]*/{layout.METRICS}")
+def scenes(store: Store, top: str = layout.SCENES) -> list[str]:
+    """Return the names of all scenes that have a version, or of all collections."""
+    store.bring_versions(top)
+    files = (store.root / top).glob(f"*/[!.]*/{layout.METRICS}")
     return sorted({path.parent.parent.name for path in files if not metrics_fault(path.parent)})
 
 
-def versions(store: Store, scene: str) -> list[Path]:
-    """Return the folders of a scene's versions that count, oldest first."""
-    store.bring_versions(layout.SCENES, check_scene_name(scene))
-    folder = store.root / layout.SCENES / scene
+def versions(store: Store, name: str, top: str = layout.SCENES) -> list[Path]:
+    """Return the folders of the versions that count, oldest first."""
+    store.bring_versions(top, check_scene_name(name))
+    folder = store.root / top / name
     return sorted(path.parent for path in folder.glob(f"[!.]*/{layout.METRICS}") if not metrics_fault(path.parent))
 
 

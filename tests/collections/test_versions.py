@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aug3d_core.collections.versions import held_back, model_of, new_version
+from aug3d_core.collections.versions import held_back, model_of
 from aug3d_core.run.errors import StoreError, UsageError
 from aug3d_core.store import layout
 from aug3d_core.store.published import publish, published
 from aug3d_core.store.retention import plan
-from aug3d_core.store.scenes import write_metrics
+from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 
 
@@ -45,7 +45,7 @@ def test_what_is_published_is_found_until_another_is(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert published(store, "all", layout.COLLECTIONS) is None
     for _ in range(2):
-        folder = new_version(store, "all")
+        folder = new_version(store, "all", layout.COLLECTIONS)
         write_metrics(folder, version(a=20.0))
         publish(store, folder)
         assert published(store, "all", layout.COLLECTIONS) == folder
@@ -53,7 +53,7 @@ def test_what_is_published_is_found_until_another_is(tmp_path: Path) -> None:
 
 def test_a_pointer_cannot_leave_the_folder(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    folder = new_version(store, "all").parent
+    folder = new_version(store, "all", layout.COLLECTIONS).parent
     (folder / layout.PUBLISHED).write_text('{"version": "../../outside"}')
     with pytest.raises(StoreError, match="gone"):
         published(store, "all", layout.COLLECTIONS)
@@ -63,7 +63,7 @@ def test_without_a_model_the_next_step_is_told(tmp_path: Path) -> None:
     store = Store(tmp_path)
     with pytest.raises(UsageError, match="collections train all"):
         model_of(store, "all")
-    write_metrics(new_version(store, "all"), version(a=20.0))
+    write_metrics(new_version(store, "all", layout.COLLECTIONS), version(a=20.0))
     with pytest.raises(StoreError, match="is gone"):
         model_of(store, "all")
 
@@ -73,5 +73,5 @@ def test_what_a_version_is_made_of_is_kept(tmp_path: Path) -> None:
     store = Store(tmp_path)
     for key in ("kept", "loose"):
         (store.root / layout.OBJECTS / "training" / key).mkdir(parents=True)
-    write_metrics(new_version(store, "all"), version(a=20.0) | {"objects": [["training", "kept"]]})
+    write_metrics(new_version(store, "all", layout.COLLECTIONS), version(a=20.0) | {"objects": [["training", "kept"]]})
     assert [waste.folder.name for waste in plan(store, 3, 0.0).goes] == ["loose"]

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from aug3d_core.collections.entry import CollectionEntry
-from aug3d_core.collections.versions import versions
 from aug3d_core.run.errors import StoreError
 from aug3d_core.scene_files import SceneEntry, write_scene
 from aug3d_core.scene_files.entry import Publishing
 from aug3d_core.store import layout
 from aug3d_core.store.bucket import Bucket
 from aug3d_core.store.published import published
+from aug3d_core.store.scenes import versions
 from aug3d_core.store.store import Store
 from tests.collections.stand_in import Stages
 
@@ -69,7 +69,7 @@ def train(home: Path, entry: CollectionEntry = ENTRY) -> tuple[str, str]:
 
 
 def names(home: Path) -> list[str]:
-    return [version.name for version in versions(Store(home), "all")]
+    return [version.name for version in versions(Store(home), "all", layout.COLLECTIONS)]
 
 
 def test_where_nothing_changed_no_version_is_made_published_or_not(home: Path, stages: Stages, mlflow: Mlflow) -> None:

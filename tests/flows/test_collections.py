@@ -11,11 +11,11 @@ from typer.testing import CliRunner, Result
 
 from aug3d_core.collections.entry import CollectionEntry
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.collections.versions import new_version
 from aug3d_core.judging.summary import CHEAP
 from aug3d_core.scene_files import SceneEntry, Schedule, write_scene
+from aug3d_core.store import layout
 from aug3d_core.store.published import publish
-from aug3d_core.store.scenes import write_metrics
+from aug3d_core.store.scenes import new_version, write_metrics
 from aug3d_core.store.store import Store
 from flows.cli import app
 
@@ -42,7 +42,7 @@ def told(*words: str | Path) -> Any:
 def trained(store: Store, name: str, **psnr_db: float) -> Path:
     scores = {"test_ssim_mean": 0.7, "test_views": 4, **{f"cheap_{one}": 20.0 for one in CHEAP}}
     tests = {scene: {"role": "hold out", "test_psnr_mean": db, **scores} for scene, db in psnr_db.items()}
-    version = new_version(store, name)
+    version = new_version(store, name, layout.COLLECTIONS)
     trouble = {"lost": {"role": "train", "trouble": "its disk is gone", "remedy": "connect it"}}
     metrics = {
         "collection": name,
@@ -71,6 +71,13 @@ def test_a_collection_is_added_with_everything_and_what_is_next(store: Store) ->
         description="Both",
         schedule=Schedule(cron="0 3 * * 1", timezone="Europe/Warsaw"),
     )
+
+
+def test_a_head_that_is_chosen_is_written_by_its_name_alone(store: Store) -> None:
+    assert collections("add", "all", "--train", "north", "--set", "training.head=pixelnerf").exit_code == 0
+    entry = COLLECTIONS.read(store, "all")
+    assert entry.settings == {"training": {"head": {"name": "pixelnerf"}}}
+    assert entry.config().training.head.name == "pixelnerf"
 
 
 @pytest.mark.parametrize(

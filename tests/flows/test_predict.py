@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from aug3d_core.collections.versions import new_version as new_collection_version
 from aug3d_core.novel.config import PredictionConfig
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.stage import Stage
+from aug3d_core.store import layout
 from aug3d_core.store.record import Record
 from aug3d_core.store.scenes import new_version, version_paths, write_metrics
 from aug3d_core.store.store import Store
@@ -127,7 +127,7 @@ def test_a_view_is_predicted_from_as_many_photographs_as_the_model_that_is_used(
         made("training", collection, input_views=7)
         told = {"collection": collection, "training": {"key": collection}}
         objects = [["dataset", "k"], *judged, ["training", collection]]
-        write_metrics(new_collection_version(store, collection), told | {"objects": objects})
+        write_metrics(new_version(store, collection, layout.COLLECTIONS), told | {"objects": objects})
     made("evaluation", "by four", input_views=4)
     asked: list[int] = []
 
