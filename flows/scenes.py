@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from rich.console import Console
 
 from aug3d_core.collections.files import COLLECTIONS
-from aug3d_core.factory.config import SIZES, scene_config
+from aug3d_core.factory.config import SIZES, said, scene_config
 from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.nested import nested, value_at
@@ -26,7 +26,6 @@ from aug3d_core.scene_files import (
     write_scene,
     write_schedule,
 )
-from aug3d_core.scene_files.check import said
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.scenes import versions
 from aug3d_core.store.store import Store

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from aug3d_core.run.stage import StageConfig
 
@@ -107,6 +107,13 @@ class SamplingConfig(StageConfig):
         default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up."
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the random placement.")
+
+    @model_validator(mode="after")
+    def _elevations_are_in_order(self) -> Self:
+        lowest, highest = self.min_elevation_deg, self.max_elevation_deg
+        if lowest > highest:
+            raise ValueError(f"min_elevation_deg {lowest:g} is above max_elevation_deg {highest:g}")
+        return self
 
     @property
     def engines(self) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from aug3d_core.domes.read import read_mesh, train_photos, views_per_dome
 from aug3d_core.domes.report import dome_table, figures, remarks, tally, warnings, worst_views
 from aug3d_core.domes.site import Site, site_of
 from aug3d_core.geometry.raycast import Raycaster
-from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Inputs, Outcome, Progress
 from aug3d_core.surface.files import TEXTURED_MESH
 
@@ -31,7 +30,6 @@ STEPS = 4
 
 def run(inputs: Inputs, config: SamplingConfig, out: Path, progress: Progress) -> Outcome:
     """Plan domes over the mesh that was made of train photos."""
-    _check(config)
     progress(0, STEPS, "looking at the mesh from above")
     mesh, photos = read_mesh(inputs), train_photos(inputs)
     surface = Raycaster(mesh.xyz, mesh.triangles)
@@ -68,15 +66,6 @@ def run(inputs: Inputs, config: SamplingConfig, out: Path, progress: Progress) -
         pictures=pictures,
         decisions=tuple(decisions(metrics, config)),
     )
-
-
-def _check(config: SamplingConfig) -> None:
-    lowest, highest = config.min_elevation_deg, config.max_elevation_deg
-    if lowest > highest:
-        raise InputError(
-            f"sampling.min_elevation_deg {lowest} is above sampling.max_elevation_deg {highest}",
-            "set the lowest elevation below the highest",
-        )
 
 
 def _plan(surface: Raycaster, site: Site, config: SamplingConfig) -> tuple[Plan, float]:

@@ -18,7 +18,7 @@ from aug3d_core.overlap.config import OverlapConfig
 from aug3d_core.photos.config import PhotosConfig
 from aug3d_core.poses.config import PosesConfig
 from aug3d_core.rendering.config import RenderingConfig
-from aug3d_core.run.errors import UsageError
+from aug3d_core.run.errors import UsageError, shown
 from aug3d_core.run.nested import flat, merged, value_at, within
 from aug3d_core.run.stage import Frozen
 from aug3d_core.sfm.config import MatchingConfig, SfmConfig
@@ -121,9 +121,13 @@ def validated_config(values: dict[str, Any]) -> SceneConfig:
     try:
         return SceneConfig.model_validate(values)
     except ValidationError as error:
-        wrong = "; ".join(
-            f"{'.'.join(place(e['loc']))}={e['input']!r}: {e['msg'].lower()}" for e in error.errors(include_url=False)
-        )
+        whats: dict[str, list[str]] = {}
+        for e in error.errors(include_url=False):
+            name = ".".join(_written(place(e["loc"]), values))
+            whats.setdefault(name if isinstance(e["input"], Mapping) else f"{name}={shown(e['input'])}", []).append(
+                said(e)
+            )
+        wrong = "; ".join(f"{name}: {', or '.join(what)}" for name, what in whats.items())
         raise UsageError(
             f"the configuration is not valid: {wrong}", "correct the value, or leave it out to use the preset's"
         ) from error
@@ -133,6 +137,28 @@ def place(loc: Iterable[str | int]) -> tuple[str, ...]:
     """Return the path of a wrong setting from what pydantic tells: it puts the name of a head between `head` and its field."""
     named = tuple(map(str, loc))
     return tuple(name for n, name in enumerate(named) if not (n and named[n - 1] == "head" and name in names()))
+
+
+def said(error: Mapping[str, Any]) -> str:
+    """Say what is wrong with a value, as pydantic tells it in `errors()`, to people."""
+    return {
+        "string_type": "should be a text: put it in quotes",
+        "tuple_type": "should be a list: [one, two]",
+        "path_type": "should be a path",
+        "dict_type": "should have fields of its own, each in a line below",
+        "model_type": "should have fields of its own, each in a line below",
+        "value_error": str(error.get("ctx", {}).get("error")),
+    }.get(error["type"], f"{error['msg'][0].lower()}{error['msg'][1:]}")
+
+
+def _written(path: tuple[str, ...], values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the path without what pydantic adds to it: which kind of value it tried, where several are taken."""
+    at: Any = values
+    for depth, name in enumerate(path):
+        if not isinstance(at, Mapping) or name not in at:
+            return path[:depth]
+        at = at[name]
+    return path
 
 
 def _preset(name: str, head: str | None = None) -> SceneConfig:

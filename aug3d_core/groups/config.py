@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from aug3d_core.run.stage import StageConfig
 
@@ -71,6 +71,12 @@ class GroupingConfig(StageConfig):
         " tenths of the surface in it; 0: none is [photographs].",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
+
+    @model_validator(mode="after")
+    def _there_is_the_fold(self) -> Self:
+        if self.folds is not None and self.fold >= self.folds:
+            raise ValueError(f"there is no fold {self.fold}: folds is {self.folds}, and they are counted from 0")
+        return self
 
 
 SIMILARITY_PRESETS: dict[str, SimilarityConfig] = {

@@ -17,9 +17,9 @@ import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 from aug3d_core.run.metric import MetricSpec
 
@@ -44,6 +44,15 @@ class StageConfig(Frozen):
     """Base of a stage's configuration. Each field has a unit, bounds and a sentence; its numbers are finite."""
 
     model_config = ConfigDict(allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """Refuse what pydantic takes for 1 and 0: in YAML yes, no, on and off are truth values."""
+        kind = cls.model_fields[info.field_name or ""].annotation
+        if isinstance(value, bool) and bool not in (kind, *get_args(kind)):
+            raise ValueError("cannot be true or false; in YAML that is also what yes, no, on and off say")
+        return value
 
     @property
     def engines(self) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from aug3d_core.factory.config import SceneConfig
+from aug3d_core.factory.config import SceneConfig, said
 from aug3d_core.factory.config import place as place_of
 from aug3d_core.heads.config import HeadConfig, config_of, names
 from aug3d_core.run.errors import InputError, UsageError, shown
@@ -47,18 +47,6 @@ def checked(model: type[ModelT], file: Path, content: bytes) -> tuple[ModelT, Or
     if wrong:
         raise _refusal(wrong)
     return entry, origin
-
-
-def said(error: Mapping[str, Any]) -> str:
-    """Say what is wrong with a value, as pydantic tells it in `errors()`, to people."""
-    return {
-        "string_type": "should be a text: put it in quotes",
-        "tuple_type": "should be a list: [one, two]",
-        "path_type": "should be a path",
-        "dict_type": "should have fields of its own, each in a line below",
-        "model_type": "should have fields of its own, each in a line below",
-        "value_error": str(error.get("ctx", {}).get("error")),
-    }.get(error["type"], f"{error['msg'][0].lower()}{error['msg'][1:]}")
 
 
 def _text(content: bytes) -> str:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
 import pytest
 
 from aug3d_core.factory.config import (
     PRESETS,
+    SceneConfig,
     left_open,
     overridden,
     place,
@@ -37,6 +42,12 @@ def test_an_override_reaches_the_settings_of_the_head_and_leaves_the_rest() -> N
         ("training.head.planes=3", "training.head.planes='3': input should be greater than or equal to 4"),
         ("training.steps.more=3", "training.steps has no field 'more'"),
         ("training.head", "not of the form"),
+        (
+            "grouping.k=Auto",
+            "grouping.k='Auto': input should be a valid integer, unable to parse string as an integer, or ",
+        ),
+        ("sampling.min_elevation_deg=89", "sampling: min_elevation_deg 89 is above max_elevation_deg 88"),
+        ("training.steps=yes", "training.steps='yes': input should be a valid integer"),
     ],
 )
 def test_a_wrong_override_is_named(override: str, said: str) -> None:
@@ -74,3 +85,67 @@ def test_what_is_set_of_a_head_is_not_left_open() -> None:
 def test_a_wrong_setting_of_the_head_has_the_path_that_users_write() -> None:
     assert place(("training", "head", "pixelnerf", "hidden")) == ("training", "head", "hidden")
     assert place(("photos", "max_px")) == ("photos", "max_px")
+
+
+def test_a_fold_that_there_is_not_is_refused_at_once() -> None:
+    with pytest.raises(UsageError, match="grouping: there is no fold 2: folds is 2, and they are counted from 0"):
+        scene_config("tiny", ["grouping.folds=2", "grouping.fold=2"])
+    assert scene_config("tiny", ["grouping.fold=2"]).grouping.fold == 2, "how many there are is not known yet"
+
+
+def numbers() -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield each setting that takes a number, with what the form knows of it."""
+    schema = SceneConfig.model_json_schema()
+
+    def below(path: str, one: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        for choice in one.get("anyOf", [one]):
+            if choice.get("type") in ("integer", "number"):
+                yield path, choice
+            elif "$ref" in choice:
+                model = schema["$defs"][choice["$ref"].rpartition("/")[2]].get("properties", {})
+                head = model.get("name", {}).get("const", "") if path == "training.head" else ""
+                for name, field in model.items():
+                    yield from ((f"{head}:{at}" if head else at, it) for at, it in below(f"{path}.{name}", field))
+
+    for stage, field in schema["properties"].items():
+        yield from below(stage, field)
+
+
+NUMBERS = dict(numbers())
+
+
+def refusal(name: str, value: Any) -> str:
+    """Return what is said of a value of a setting, `stage.field` or `head:training.head.field`."""
+    head, _, path = name.rpartition(":")
+    stage, *names = path.split(".")
+    settings: Any = value
+    for one in reversed(names):
+        settings = {one: settings}
+    if head:
+        settings["head"]["name"] = head
+    with pytest.raises(UsageError) as caught:
+        validated_config(with_settings("tiny", {stage: settings}))
+    assert f"{path}={value!r}: " in caught.value.problem
+    return caught.value.problem
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_number_out_of_bounds_is_refused_by_its_name(name: str) -> None:
+    bounds = NUMBERS[name]
+    step = 1 if bounds["type"] == "integer" else 1e-6
+    assert {"minimum", "exclusiveMinimum"} & bounds.keys()
+    if "minimum" in bounds:
+        refusal(name, bounds["minimum"] - step)
+    if "exclusiveMinimum" in bounds:
+        refusal(name, bounds["exclusiveMinimum"])
+    if "maximum" in bounds:
+        refusal(name, bounds["maximum"] + step)
+    if "exclusiveMaximum" in bounds:
+        refusal(name, bounds["exclusiveMaximum"])
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_what_is_no_finite_number_is_none(name: str) -> None:
+    assert "cannot be true or false" in refusal(name, True) and "cannot be true or false" in refusal(name, False)
+    for value in (math.nan, math.inf, "nan", "-inf"):
+        refusal(name, value)

@@ -241,8 +241,8 @@ def test_more_folds_than_the_views_allow_are_refused() -> None:
 
 
 def test_a_fold_that_there_is_not_is_refused() -> None:
-    with pytest.raises(InputError, match=r"no grouping\.fold 3: the scene has 3, counted from 0"):
-        split_of(fly(), folds=3, fold=3)
+    with pytest.raises(InputError, match=r"no grouping\.fold 3: the scene has 1, counted from 0"):
+        split_of(fly(), fold=3)
 
 
 @given(st.floats(0, 2 * np.pi))
