@@ -65,7 +65,7 @@ def waypoints(
     return found
 
 
-def missions(points: Sequence[Waypoint], name: str, clear_m: float) -> Iterator[tuple[str, bytes]]:
+def missions(points: Sequence[Waypoint], clear_m: float) -> Iterator[tuple[str, bytes]]:
     """Yield the name and the bytes of KMZ files with at most MOST_POINTS points each.
 
     clear_m: height above the lowest ground of the scene that is above all that is known.
@@ -76,7 +76,7 @@ def missions(points: Sequence[Waypoint], name: str, clear_m: float) -> Iterator[
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as kmz:
             for file, root in (("template.kml", _template(part, clear_m)), ("waylines.wpml", _waylines(part, clear_m))):
                 kmz.writestr(zipfile.ZipInfo(f"wpmz/{file}", _ZIP_TIME), _text(root), zipfile.ZIP_DEFLATED)
-        yield f"{name}_{number}.kmz" if len(parts) > 1 else f"{name}.kmz", packed.getvalue()
+        yield f"mission_{number}.kmz" if len(parts) > 1 else "mission.kmz", packed.getvalue()
 
 
 def kml(points: Sequence[Waypoint], title: str) -> bytes:

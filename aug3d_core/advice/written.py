@@ -10,7 +10,7 @@ from aug3d_core.advice.plan import Plan
 from aug3d_core.export.target_folder import filling
 from aug3d_core.run.atomic_file import write_synced
 
-PAGE, TABLE, GEOJSON, KML, MISSION = "advice.html", "advice.csv", "advice.geojson", "advice.kml", "mission"
+PAGE, TABLE, GEOJSON, KML = "advice.html", "advice.csv", "advice.geojson", "advice.kml"
 
 
 def write_advice(plan: Plan, scene: str, folder: Path, page: Callable[[Sequence[str]], str]) -> list[str]:
@@ -23,7 +23,7 @@ def write_advice(plan: Plan, scene: str, folder: Path, page: Callable[[Sequence[
     files = {TABLE: listing(advised, points).encode()}
     if points:
         files |= {GEOJSON: geojson(points, advised).encode(), KML: kml(points, f"Photographs to take: {scene}")}
-        files |= dict(missions(points, MISSION, plan.clear_height))
+        files |= dict(missions(points, plan.clear_height))
     files[PAGE] = page(list(files)).encode()
     with filling(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -269,9 +269,8 @@ def predicted_psnr(
     from aug3d_core.heads.config import shipped
     from aug3d_core.judging.scores import psnr
     from aug3d_core.novel.inputs import inputs_of
-    from aug3d_core.novel.outside import MARGIN_SHARE, OUTLIER_SHARE
 
-    scene, head = scene_of_photographs(sfm, _SIZE_PX, OUTLIER_SHARE, MARGIN_SHARE), saved.load(shipped()[0])
+    scene, head = scene_of_photographs(sfm, _SIZE_PX), saved.load(shipped()[0])
     with Image.open(truths[0]) as image:
         crop = fit(*image.size, *_SIZE_PX)
     poses = homogeneous(invert(cam_from_world))

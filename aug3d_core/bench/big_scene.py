@@ -18,9 +18,9 @@ _MEAN_TRACK, _MEAN_CUT = 5.0, 4.8  # before and after tracks are cut at 15, and 
 _STEPS = np.array([1, 2, 4, 7, 8, 11, 13, 14])  # coprime to the 15 photographs that may see a point
 
 
-def big_scene(photos: int, observations: int, seed: int = 0) -> tuple[Views, Points, Tracks]:
+def big_scene(photos: int, observations: int) -> tuple[Views, Points, Tracks]:
     """Return a flight of about `photos` photographs in a square of lines, with about so many observations."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     forward_m = _HEIGHT_PX / _FOCAL_PX * _ALTITUDE_M / _ALONG
     side_m = _WIDTH_PX / _FOCAL_PX * _ALTITUDE_M / _ACROSS
     lines = max(1, round(np.sqrt(photos * forward_m / side_m)))

@@ -211,15 +211,16 @@ def takeover(folder: Path, stage: str, say: Say, whole: int = 0) -> Takeover:
         return Takeover(victim, seconds, len(there), len(there - got), members.scenes()["town"], members.made())
 
 
-def kills(folder: Path, say: Say, stages: Collection[str] = tuple(stage.name for stage in FROM_TOWN)) -> Kills:
+def kills(folder: Path, say: Say) -> Kills:
     """Make a town, and kill whatever worker is first seen at each stage; raises TeamFailed if no other goes on."""
     cores, seconds = sorted(os.sched_getaffinity(0)), dict[str, float]()
+    stages = {stage.name for stage in FROM_TOWN}
     with team(_empty(folder), {"town": {}}, ()) as members:
         core_of = {f"worker{place}": cores[place % len(cores)] for place in range(2)}
         for name, core in core_of.items():
             members.join(name, core)
         run = members.start("town")
-        while found := _next_at(members, run, {*stages} - seconds.keys()):
+        while found := _next_at(members, run, stages - seconds.keys()):
             victim, stage = found
             members.kill(victim)
             killed = time.monotonic()

@@ -6,22 +6,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from aug3d_core.dataset.bounds import near_far
 from aug3d_core.dataset.by_view import OnDemand
+from aug3d_core.dataset.config import DatasetConfig
 from aug3d_core.dataset.images import fit
 from aug3d_core.dataset.on_disk import Cache
 from aug3d_core.dataset.real import packed_pictures, seen_depths
 from aug3d_core.dataset.scale import ground_distance
 from aug3d_core.dataset.scene import GROUPS, REAL, SPLITS, Scene
-from aug3d_core.dataset.slab import slab_of
+from aug3d_core.dataset.slab import Slab, slab_of
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.geometry.views import Points, Tracks, Views
 from aug3d_core.run.errors import InputError
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
 
 
-def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: float, margin_share: float) -> Scene:
+def usual_slab(points_in_world: Float[np.ndarray, "p 3"]) -> Slab:
+    """Return the slab as the stage `dataset` measures it unless told otherwise."""
+    usual = DatasetConfig()
+    return slab_of(points_in_world, usual.outlier_share, usual.margin_share)
+
+
+def scene_of_photographs(sfm: Path, size_px: tuple[int, int]) -> Scene:
     """Return all photographs that have a pose, at a size (width, height), over the ground that their points show.
 
     Each is read when it is asked for, and held while there is room.
@@ -29,7 +37,7 @@ def scene_of_photographs(sfm: Path, size_px: tuple[int, int], outlier_share: flo
     views, points, tracks = Views.load(sfm / VIEWS), Points.load(sfm / POINTS), Tracks.load(sfm / TRACKS)
     if not len(views):
         raise InputError("no photograph has a pose", "give photographs that overlap")
-    slab, count = slab_of(points.xyz, outlier_share, margin_share), len(views)
+    slab, count = usual_slab(points.xyz), len(views)
     fits = [fit(int(w), int(h), *size_px) for w, h in views.size]
     intrinsics = np.array([f.intrinsics(k) for f, k in zip(fits, views.intrinsics, strict=True)])
     poses = homogeneous(invert(views.cam_from_world))

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 GROUND_QUANTILE = 0.25  # of heights: low enough to be ground among roofs, high enough to miss points under the ground
+_ROUNDS = 100  # of the fit of the plane
 
 
 @dataclass(frozen=True)
@@ -67,14 +68,14 @@ def slab_of(points_in_world: Float[np.ndarray, "p 3"], outlier_share: float, mar
     return Slab(a, b, c, float(low - margin), float(high + margin))
 
 
-def _ground_plane(points_in_world: Float[np.ndarray, "p 3"], rounds: int = 100) -> tuple[float, float, float]:
+def _ground_plane(points_in_world: Float[np.ndarray, "p 3"]) -> tuple[float, float, float]:
     """Fit z = a x + b y + c with a share GROUND_QUANTILE of points below it (quantile regression, reweighted)."""
     middle = np.median(points_in_world, axis=0)
     xyz = points_in_world - middle
     design = np.column_stack([xyz[:, :2], np.ones(len(xyz))])
     spread = np.std(xyz[:, 2]) + 1e-9
     plane = np.array([0.0, 0.0, np.quantile(xyz[:, 2], GROUND_QUANTILE)])
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         residual = xyz[:, 2] - (plane[0] * xyz[:, 0] + plane[1] * xyz[:, 1] + plane[2])
         weight = np.where(residual > 0, GROUND_QUANTILE, 1 - GROUND_QUANTILE) / np.maximum(abs(residual), 0.01 * spread)
         # Without BLAS: the same bits on any number of cores

@@ -71,7 +71,7 @@ class Taken:
         return self.fit.covered(self.scene.images[view], self.scene.alpha[view], depth)
 
 
-def sequences(name: str, scene: Scene, trained: bool, size: Size | None = None) -> Iterator[Taken]:
+def sequences(name: str, scene: Scene, trained: bool, size: Size | None) -> Iterator[Taken]:
     """Yield the sequences of a scene; of one that is held out, its test alone."""
     if trained:
         usable = scene.splits == SPLITS.index("train")

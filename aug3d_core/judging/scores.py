@@ -24,12 +24,11 @@ from aug3d_core.run.errors import InputError
 
 
 class Judged(NamedTuple):
-    """A predicted view and the cheap answers to it. target, inputs: rows of the scene. seconds: for the prediction."""
+    """A predicted view. target, inputs: rows of the scene. seconds: for the prediction."""
 
     target: int
     inputs: Int[np.ndarray, " v"]
     view: View
-    answers: Mapping[str, UInt8[np.ndarray, "h w 3"]]
     seconds: float
 
 
@@ -57,7 +56,7 @@ def evaluate(
         used = scene.used(target)
         told |= {"masked_share": 0.0 if used is None else float(1 - used.mean())} if masked else {}
         rows.append(told | _scores(scene, target, view, answers))
-        seen(group, Judged(target, inputs, view, answers, seconds))
+        seen(group, Judged(target, inputs, view, seconds))
     return pd.DataFrame(rows)
 
 

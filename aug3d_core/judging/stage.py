@@ -51,7 +51,7 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     kept: dict[int, Judged] = {}
 
     def seen(group: int, judged: Judged) -> None:
-        kept[group] = judged._replace(answers={})  # of hundreds of views: few are drawn
+        kept[group] = judged
         progress(group + 1, count, "test views")
 
     progress(0, count, "test views")
@@ -60,7 +60,7 @@ def run(inputs: Mapping[str, Path], config: EvaluationConfig, out: Path, progres
     stated = conventions(scene)
     (out / CONVENTIONS).write_text(json.dumps(stated, indent=1))
     figures = summary(table)
-    started_from = ", ".join(sorted({view.started_from for _, _, view, *_ in kept.values() if view.started_from}))
+    started_from = ", ".join(sorted({one.view.started_from for one in kept.values() if one.view.started_from}))
     unbeaten = [name for name in CHEAP if (figures[f"over_{name}_ci_low"] or 0) <= 0]
     pictures = _draw(scene, config, table, kept, out) if config.panels else {}
     if config.flythrough_frames:

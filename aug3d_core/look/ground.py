@@ -98,7 +98,7 @@ def ground_of(photos: Sequence[Glance], steps: Sequence[Step]) -> Ground | None:
     height_m, height_from = _heights(photos, width_m)
     if not np.isfinite(width_m):
         width_m = _median(height_m / _focals(photos))
-    corners_m = _corners(photos, enu_m, yaw_deg, height_m, width_m)
+    corners_m = _corners(photos, enu_m, yaw_deg, height_m)
     corners_m[wild] = np.nan  # where they look is as wrong as where they are
     return Ground(enu_m, wild, yaw_deg, height_m, width_m, height_from, corners_m, *_coverage(corners_m, width_m))
 
@@ -180,7 +180,6 @@ def _corners(
     enu_m: Float[np.ndarray, "n 3"],
     yaw_deg: Float[np.ndarray, " n"],
     height_m: Float[np.ndarray, " n"],
-    width_m: float,
 ) -> Float[np.ndarray, "n 4 2"]:
     """Return the corners of the level ground that each photograph shows: those of its picture, from the upper left."""
     pitch = np.array([photo.attitude.pitch_deg for photo in photos])

@@ -16,9 +16,10 @@ import numpy as np
 import pandas as pd
 
 from aug3d_core.dataset.bounds import depths_in, near_far
+from aug3d_core.dataset.photographs import usual_slab
 from aug3d_core.dataset.scale import ground_distance
 from aug3d_core.dataset.scene import BASELINE_ARRAYS, REAL, SPLITS, Scene
-from aug3d_core.dataset.slab import Slab, slab_of
+from aug3d_core.dataset.slab import Slab
 from aug3d_core.geometry.ply import Mesh
 from aug3d_core.geometry.transforms import homogeneous, invert
 from aug3d_core.novel.posed import posed, posed_digest
@@ -29,7 +30,6 @@ from aug3d_core.run.picture import decoding_budget
 from aug3d_core.run.regular_file import MOST_TEXT_BYTES, content, json_content
 
 _NO_CLOUD = "take ply_file_path out if the poses are in the world of the scene, else give points as aug3d writes them"
-OUTLIER_SHARE, MARGIN_SHARE = 0.005, 0.1  # of the slab, as the stage dataset measures it unless told otherwise
 
 
 def photo_names(file: Path) -> pd.DataFrame:
@@ -105,7 +105,7 @@ def _ground(file: Path, otherwise: Slab) -> tuple[Slab, np.ndarray | None]:
         raise InputError(
             f"{file.name}: the point cloud {cloud} holds no points, or some that are not finite", _NO_CLOUD
         )
-    return slab_of(points, OUTLIER_SHARE, MARGIN_SHARE), points
+    return usual_slab(points), points
 
 
 def _cloud_file(file: Path, named: Any) -> Path:

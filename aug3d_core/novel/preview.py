@@ -28,7 +28,6 @@ from aug3d_core.judging.warped_answers import plane_sweep
 from aug3d_core.novel.config import PreviewConfig
 from aug3d_core.novel.files import PREVIEW_FLIGHT, PREVIEW_SHEET, PREVIEW_VIEWS
 from aug3d_core.novel.inputs import inputs_of
-from aug3d_core.novel.outside import MARGIN_SHARE, OUTLIER_SHARE
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Outcome, Progress
 
@@ -39,7 +38,7 @@ _ACROSS = (0.1, 0.9)  # quantiles of the cameras along their longest line, betwe
 
 def run(inputs: Mapping[str, Path], config: PreviewConfig, out: Path, progress: Progress) -> Outcome:
     """Predict some photographs from the others, and a flight across all of them."""
-    scene = scene_of_photographs(inputs["sfm"], (config.width_px, config.height_px), OUTLIER_SHARE, MARGIN_SHARE)
+    scene = scene_of_photographs(inputs["sfm"], (config.width_px, config.height_px))
     if len(scene) <= config.input_views:
         raise InputError(
             f"{len(scene)} photographs have a pose, and {config.input_views} and one more are needed",

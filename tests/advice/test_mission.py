@@ -60,7 +60,7 @@ def test_places_on_earth_are_those_of_the_scene() -> None:
 
 @pytest.mark.parametrize("count", [1, 20, MOST_POINTS, MOST_POINTS + 1, 301])
 def test_a_mission_has_at_most_so_many_points_numbered_from_nought(count: int) -> None:
-    files = list(missions(points(count), "mission", 20.0))
+    files = list(missions(points(count), 20.0))
     assert len({name for name, _ in files}) == -(-count // MOST_POINTS)
     total = 0
     for _, content in files:
@@ -72,7 +72,7 @@ def test_a_mission_has_at_most_so_many_points_numbered_from_nought(count: int) -
 
 
 def test_all_that_is_required_is_there() -> None:
-    template, waylines = opened(next(missions(points(3), "mission", 20.0))[1])
+    template, waylines = opened(next(missions(points(3), 20.0))[1])
     for root, folder_has, point_has in ((template, TEMPLATE, TEMPLATE_POINT), (waylines, WAYLINE, WAYPOINT)):
         config, folder = root.find(f".//{W}missionConfig"), root.find(f".//{K}Folder")
         assert config is not None and folder is not None
@@ -88,7 +88,7 @@ def test_all_that_is_required_is_there() -> None:
 
 def test_places_heights_and_angles_are_flown_as_meant() -> None:
     meant = points(4)
-    _, waylines = opened(next(missions(meant, "mission", 20.0))[1])
+    _, waylines = opened(next(missions(meant, 20.0))[1])
     for mark, point in zip(waylines.iter(f"{K}Placemark"), meant, strict=True):
         lon, lat = map(float, (mark.findtext(f"{K}Point/{K}coordinates") or "").split(","))
         assert (lon, lat) == (pytest.approx(point.lon_deg, abs=1e-8), pytest.approx(point.lat_deg, abs=1e-8))
@@ -101,7 +101,7 @@ def test_places_heights_and_angles_are_flown_as_meant() -> None:
 @pytest.mark.parametrize("clear_m", [20.0, 95.0])
 def test_the_drone_comes_and_goes_above_all_that_is_known(clear_m: float) -> None:
     meant = points(9)
-    config = opened(next(missions(meant, "mission", clear_m))[1])[1].find(f".//{W}missionConfig")
+    config = opened(next(missions(meant, clear_m))[1])[1].find(f".//{W}missionConfig")
     assert config is not None
     height = max(clear_m, min(p.up_m for p in meant))
     assert float(config.findtext(f"{W}takeOffSecurityHeight") or 0) == pytest.approx(height, abs=0.01)
@@ -109,7 +109,7 @@ def test_the_drone_comes_and_goes_above_all_that_is_known(clear_m: float) -> Non
 
 
 def test_the_same_advice_makes_the_same_bytes() -> None:
-    assert list(missions(points(5), "m", 20.0)) == list(missions(points(5), "m", 20.0))
+    assert list(missions(points(5), 20.0)) == list(missions(points(5), 20.0))
 
 
 def test_other_programs_read_the_places() -> None:

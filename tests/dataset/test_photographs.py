@@ -35,7 +35,7 @@ def flight(folder, count):
 
 
 def test_photographs_are_packed_with_their_cameras(tmp_path):
-    scene = scene_of_photographs(flight(tmp_path, 5), (40, 32), 0.005, 0.1)
+    scene = scene_of_photographs(flight(tmp_path, 5), (40, 32))
     assert scene.images.shape == (5, 32, 40, 3)
     assert scene.images[3].mean() == 43
     assert scene.fine_images.shape == (5, 64, 80, 3) and scene.fine_images[3].mean() == 43
@@ -55,7 +55,7 @@ def test_what_is_masked_is_a_hole_and_its_colours_are_gone(tmp_path):
     pixels = np.full((60, 80, 3), 42, np.uint8)
     pixels[:, 60:] = 250
     Image.fromarray(pixels).save(folder / VIEW_IMAGES / image_name(102))
-    scene = scene_of_photographs(folder, (40, 32), 0.005, 0.1)
+    scene = scene_of_photographs(folder, (40, 32))
     assert (scene.images[2] == 42).all() and (scene.fine_images[2] == 42).all()
     assert (scene.alpha[2] == 0).mean() == pytest.approx(0.23, abs=0.03)
     assert (scene.alpha[[0, 1, 3, 4]] == 255).all()
@@ -70,7 +70,7 @@ def test_photographs_are_read_when_they_are_asked_for_and_once(tmp_path, monkeyp
         return packed_colour(sfm, photo_id, crop)
 
     monkeypatch.setattr(real, "packed_colour", counted)
-    scene = scene_of_photographs(flight(tmp_path, 5), (40, 32), 0.005, 0.1)
+    scene = scene_of_photographs(flight(tmp_path, 5), (40, 32))
     assert not read
     assert [scene.images[view].mean() for view in (3, 1, 3)] == [43, 41, 43]
     assert scene.fine_images[3].mean() == 43
@@ -82,12 +82,12 @@ def test_all_photographs_of_which_masks_leave_nothing_are_named(tmp_path):
     for number in (101, 103):
         save_mask(np.zeros((60, 80), bool), folder / VIEW_MASKS / image_name(number))
     with pytest.raises(InputError, match="masks leave nothing of 2 photos as they are packed, 40x32 px: 101, 103"):
-        scene_of_photographs(folder, (40, 32), 0.005, 0.1)
+        scene_of_photographs(folder, (40, 32))
 
 
 def test_without_a_pose_there_is_no_scene(tmp_path):
     with pytest.raises(InputError, match="no photograph has a pose"):
-        scene_of_photographs(flight(tmp_path, 0), (40, 32), 0.005, 0.1)
+        scene_of_photographs(flight(tmp_path, 0), (40, 32))
 
 
 def test_a_photograph_of_the_sky_is_packed_like_the_others(tmp_path):
@@ -97,7 +97,7 @@ def test_a_photograph_of_the_sky_is_packed_like_the_others(tmp_path):
     views.save(folder / VIEWS)
     seen = tracks.view != 2
     Tracks(tracks.point[seen], tracks.view[seen], tracks.xy[seen]).save(folder / TRACKS)
-    near, far = scene_of_photographs(folder, (40, 32), 0.005, 0.1).near_far.T
+    near, far = scene_of_photographs(folder, (40, 32)).near_far.T
     assert ((near > 0) & (near < far) & np.isfinite(far)).all()
 
 
@@ -108,4 +108,4 @@ def test_photographs_that_look_past_the_ground_do_not_change_the_scale(tmp_path)
         eye = np.array([4.0 * view, 0, 30])
         views.cam_from_world[view] = look_at(eye, eye + np.array([0, 1, 0.02]))
     views.save(folder / VIEWS)
-    assert scene_of_photographs(folder, (40, 32), 0.005, 0.1).scale == pytest.approx(30, rel=0.1)
+    assert scene_of_photographs(folder, (40, 32)).scale == pytest.approx(30, rel=0.1)

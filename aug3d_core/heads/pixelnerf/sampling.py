@@ -9,6 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+_DEVIATION = 0.01  # of samples around the expected depth: a share of the ray's length
+
 
 def stratified(
     near: Float[Tensor, " r"], far: Float[Tensor, " r"], noise: Float[Tensor, "r s"]
@@ -45,11 +47,10 @@ def around_depth(
     near: Float[Tensor, " r"],
     far: Float[Tensor, " r"],
     noise: Float[Tensor, "r d"],
-    std: float = 0.01,
 ) -> Float[Tensor, "r d"]:
-    """Draw samples normally around the expected depth; the deviation is a share of the ray's length."""
+    """Draw samples normally around the expected depth."""
     count = noise.shape[1]
     share = (torch.arange(count, dtype=noise.dtype, device=noise.device) + noise) / count
     normal = torch.special.ndtri(share.clamp(1e-4, 1 - 1e-4))
-    t = depth[:, None] + normal * std * (far - near)[:, None]
+    t = depth[:, None] + normal * _DEVIATION * (far - near)[:, None]
     return torch.maximum(torch.minimum(t, far[:, None]), near[:, None])
