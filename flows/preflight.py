@@ -1,4 +1,4 @@
-"""Look before hours of work at what is used only late in it: the servers that the user named, and the first weights."""
+"""Look before hours of work at what is used only late in it: the servers and the weights that the user named."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import urllib.request
 from collections.abc import Mapping
 from urllib.parse import unquote, urlsplit, urlunsplit
 
+from aug3d_core.domes.sam_weights import find_weights
 from aug3d_core.factory.config import SceneConfig
+from aug3d_core.heads.pixelnerf import named_weights as pixelnerf_weights
+from aug3d_core.heads.pixelnerf.config import PixelNerfConfig
+from aug3d_core.heads.sweep import named_weights as sweep_weights
 from aug3d_core.heads.sweep.config import SweepConfig
-from aug3d_core.heads.sweep.named_weights import check_named
 from aug3d_core.run.errors import StoreError
 from aug3d_core.store.scenes import masked
 from tasks.ping import unreachable
@@ -28,10 +31,14 @@ _PATIENCE_S = 5.0
 
 
 def check_weights(config: SceneConfig) -> None:
-    """Raise InputError that names the file which training is to start from, if it cannot."""
-    head = config.training.head
+    """Raise InputError that names first weights of training, or what segments photographs, if they are not there."""
+    head, sampling = config.training.head, config.sampling
     if isinstance(head, SweepConfig):
-        check_named(head)
+        sweep_weights.check_named(head)
+    if isinstance(head, PixelNerfConfig):
+        pixelnerf_weights.check_named(head)
+    if sampling.method == "sam" and sampling.domes:
+        find_weights(sampling.sam_weights)
 
 
 def check_servers(environment: Mapping[str, str] = os.environ) -> None:

@@ -9,6 +9,7 @@ dome           camera poses on a piece of a sphere (pure geometry)
 conditioning   which of these are free of the surface and see enough of it
 place          one dome over a place, or the reason why none stands there
 methods        the samplers by name; each is a file with `plan(surface, site, config, rng)`
+sam_weights    what the method sam needs, also for a look before a run
 orthographic   which squares of the surface seen from above are built
 boxes          their boxes, merged ones, and the file of both
 building_chart  a picture of them

@@ -109,6 +109,6 @@ def test_weights_are_a_folder_or_a_name(weights: Path, tmp_path: Path) -> None:
 
 
 def test_without_the_library_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sam, "find_spec", lambda name: None)
+    monkeypatch.setattr("aug3d_core.domes.sam_weights.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"transformers.*\n.*pip install"):
         sam.find_weights("facebook/sam-vit-base")

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from aug3d_core.run.errors import StoreError
+from aug3d_core.factory.config import scene_config
+from aug3d_core.run.errors import InputError, StoreError
 from flows.cli import app
-from flows.preflight import check_servers
+from flows.preflight import check_servers, check_weights
 
 
 def test_prefect_must_be_reached_and_mlflow_may_be_told_later() -> None:
@@ -77,3 +78,37 @@ def test_first_weights_that_are_not_there_are_told_before_anything_is_made(line:
     assert done.exit_code == 1 and f"there is no file {missing}" in done.output.replace("\n", "")
     assert "training.head.start=random" in done.output
     assert not list((tmp_path / "home").rglob("*.yaml")) and not (tmp_path / "home" / "prefect").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["sampling.method=sam"], "sampling.sam_weights is empty"),
+        (["sampling.method=sam", "sampling.sam_weights=/not/there"], "/not/there is no folder and no name on the hub"),
+        (["sampling.method=sam", "sampling.domes=0"], ""),
+        (["sampling.sam_weights=/not/there"], ""),
+        (["training.head=pixelnerf", "training.head.encoder_weights=/not/there"], ""),  # the small encoder has none
+        (
+            ["training.head=pixelnerf", "training.head.encoder=resnet34", "training.head.encoder_weights=/not/there"],
+            "training.head.encoder_weights /not/there is no file that can be read (No such file or directory)",
+        ),
+        (
+            ["training.head=pixelnerf", "training.head.encoder=resnet34", "training.head.encoder_weights="],
+            "training.head.encoder_weights . is no file that can be read",
+        ),
+    ],
+)
+def test_other_weights_are_looked_at_where_a_stage_would_use_them(
+    settings: list[str], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aug3d_core.domes.sam_weights.find_spec", lambda name: name)
+    with pytest.raises(InputError) if said else nullcontext() as told:
+        check_weights(scene_config("tiny", settings))
+    if said:
+        assert said in told.value.problem
+
+
+def test_a_library_that_is_not_installed_is_told_before_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("aug3d_core.domes.sam_weights.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"transformers.*\n.*pip install"):
+        check_weights(scene_config("tiny", ["sampling.method=sam", "sampling.sam_weights=facebook/sam-vit-base"]))

@@ -110,13 +110,15 @@ def test_what_segments_photographs_counts_where_it_is_asked_for(monkeypatch: pyt
 def test_weights_are_known_by_their_bytes(tmp_path: Path) -> None:
     training = stages.STAGES["training"]
     weights = tmp_path / "resnet34.safetensors"
-    config = TrainingConfig(head=PixelNerfConfig(encoder_weights=str(weights)))
+    config = TrainingConfig(head=PixelNerfConfig(encoder="resnet34", encoder_weights=str(weights)))
     found = {keys.recipe_of(training, config)}
     for time_ns, content in enumerate((b"one", b"two")):
         weights.write_bytes(content)
         os.utime(weights, ns=(time_ns, time_ns))
         found.add(keys.recipe_of(training, config))
-    assert len(found) == 3 and not TrainingConfig(head=PixelNerfConfig(encoder_weights="auto")).files
+    assert (
+        len(found) == 3 and not TrainingConfig(head=PixelNerfConfig(encoder="resnet34", encoder_weights="auto")).files
+    )
 
 
 def test_a_model_that_segments_is_known_by_its_bytes_where_it_is_a_folder(tmp_path: Path) -> None:

@@ -6,29 +6,22 @@ and colour, as in `orthographic.py`. It runs in a worker process, for torch must
 
 from __future__ import annotations
 
-import re
 import tempfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, UInt8
 
 from aug3d_core.domes.cameras import Plan
-from aug3d_core.domes.config import SAM_FILES, SamplingConfig
+from aug3d_core.domes.config import SamplingConfig
 from aug3d_core.domes.methods.buildings import plan_over
 from aug3d_core.domes.methods.sam_job import SamJob
 from aug3d_core.domes.orthographic import Slice
+from aug3d_core.domes.sam_weights import WHERE, find_weights
 from aug3d_core.domes.site import Site
 from aug3d_core.geometry.raycast import Raycaster
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.helper_process import run_worker
-
-_ON_THE_HUB = re.compile(r"[\w.-]+/[\w.-]+")
-_WHERE = (
-    "set sampling.sam_weights to a folder with config.json and model.safetensors of a Segment Anything model, or to one's "
-    "name on the Hugging Face hub, such as facebook/sam-vit-base"
-)
 
 
 def plan(surface: Raycaster, site: Site, config: SamplingConfig, rng: np.random.Generator) -> Plan:
@@ -36,27 +29,6 @@ def plan(surface: Raycaster, site: Site, config: SamplingConfig, rng: np.random.
     weights, on_disk = find_weights(config.sam_weights)
     rgb = site.ground.rgb
     return plan_over(lambda piece: outlines(rgb, piece, weights, on_disk), surface, site, config, rng)
-
-
-def find_weights(setting: str | None) -> tuple[str, bool]:
-    """Return what the setting names, and whether it is a folder on disk. Raises InputError where it names nothing."""
-    if find_spec("transformers") is None:
-        raise InputError(
-            "sampling.method sam needs the package transformers, which is not installed",
-            "install it with: pip install 'aug3d[sam]', or choose sampling.method buildings",
-        )
-    if not setting:
-        raise InputError("sampling.method sam needs weights, and sampling.sam_weights is empty", _WHERE)
-    folder = Path(setting).expanduser()
-    folder = folder.parent if folder.is_file() else folder
-    if folder.is_dir():
-        for name in SAM_FILES:
-            if not (folder / name).is_file():
-                raise InputError(f"sampling.sam_weights {setting} has no {name}", _WHERE)
-        return str(folder.resolve()), True
-    if not _ON_THE_HUB.fullmatch(setting):
-        raise InputError(f"sampling.sam_weights {setting} is no folder and no name on the hub", _WHERE)
-    return setting, False
 
 
 def outlines(rgb: UInt8[np.ndarray, "y x 3"], piece: Slice, weights: str, on_disk: bool) -> Bool[np.ndarray, "y x"]:
@@ -69,6 +41,6 @@ def outlines(rgb: UInt8[np.ndarray, "y x 3"], piece: Slice, weights: str, on_dis
         name = "the worker of Segment Anything"
         run_worker("aug3d_core.domes.methods.sam_worker", job, complaints.append, name, "choose a smaller model")
         if complaints:
-            raise InputError(f"sampling.sam_weights {weights} cannot be loaded: {complaints[0]}", _WHERE)
+            raise InputError(f"sampling.sam_weights {weights} cannot be loaded: {complaints[0]}", WHERE)
         with np.load(out, allow_pickle=False) as answer:
             return answer["mask"][::-1]

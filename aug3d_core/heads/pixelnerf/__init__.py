@@ -7,6 +7,7 @@ cameras          points -> pixels of the input views
 encoder          input photographs -> feature maps
 resnet           the paper's encoder
 encoder_weights  where its weights come from
+named_weights    a look at a file of them before a run
 field            a point and what the input views show there -> colour and density
 cpu_mlp          blocks of the field in cache-sized parts
 sampling         where along a ray to look

@@ -90,7 +90,9 @@ class PixelNerfConfig(HeadConfig):
     @property
     def files(self) -> tuple[Path, ...]:
         """The weights that the encoder starts from, where they are a file."""
-        return () if self.encoder_weights in (AUTO, RANDOM) else (Path(self.encoder_weights).expanduser(),)
+        if self.encoder == "small" or self.encoder_weights in (AUTO, RANDOM):
+            return ()
+        return (Path(self.encoder_weights).expanduser(),)
 
 
 CONFIG = PixelNerfConfig

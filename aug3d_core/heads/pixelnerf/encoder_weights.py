@@ -16,6 +16,7 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from aug3d_core.heads.pixelnerf.config import AUTO, RANDOM
+from aug3d_core.heads.pixelnerf.named_weights import CHOICES, check_readable
 from aug3d_core.heads.pixelnerf.resnet import ResNet34, used_weights
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.regular_file import opened
@@ -23,9 +24,6 @@ from aug3d_core.run.stored_archive import check_stored
 
 _IMAGENET = "https://download.pytorch.org/models/resnet34-b627a593.pth"  # torchvision's; the name ends in its SHA-256
 _PATIENCE_S = 20.0
-_CHOICES = (
-    "set training.head.encoder_weights to auto, random, or a file of torchvision's resnet34 (.pth or .safetensors)"
-)
 
 
 def start_trunk(trunk: ResNet34, setting: str) -> str:
@@ -51,24 +49,19 @@ def start_trunk(trunk: ResNet34, setting: str) -> str:
         trunk.load_state_dict(used_weights(weights))
     except RuntimeError as error:
         lacking = " ".join(str(error).splitlines()[1:2]).strip()[:200]
-        raise InputError(f"training.head.encoder_weights {where} is of another network: {lacking}", _CHOICES) from error
+        raise InputError(f"training.head.encoder_weights {where} is of another network: {lacking}", CHOICES) from error
     return where
 
 
 def _read(path: Path) -> dict[str, Tensor]:
-    try:
-        opened(path).close()
-    except OSError as error:
-        raise InputError(
-            f"training.head.encoder_weights {path} is no file that can be read ({error.strerror})", _CHOICES
-        ) from error
+    check_readable(path)
     try:
         weights = load_file(path) if path.suffix == ".safetensors" else _from_torch(path)
     except (SafetensorError, RuntimeError, EOFError, OSError, KeyError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError(f"training.head.encoder_weights {path} is damaged ({reason})", _CHOICES) from error
+        raise InputError(f"training.head.encoder_weights {path} is damaged ({reason})", CHOICES) from error
     if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
-        raise InputError(f"training.head.encoder_weights {path} holds no weights by name", _CHOICES)
+        raise InputError(f"training.head.encoder_weights {path} holds no weights by name", CHOICES)
     return weights
 
 
