@@ -5,12 +5,14 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pycolmap
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float32, UInt8
 from PIL import Image
+from scipy.ndimage import map_coordinates
 
 from aug3d_core.geometry.masks import LEAST_USED, save_mask, used_pixels
 from aug3d_core.geometry.similarity import Similarity
@@ -19,6 +21,8 @@ from aug3d_core.photos.files import image_name
 from aug3d_core.sfm.falloff import Falloff, evened
 
 _RIMS = 64  # that are tried on each axis, where a lens folds the picture over
+_ROWS = 256  # of a picture that are worked on at a time
+_SAME_PX = 1e-6
 _NEARBY_PX = 0.01  # between pixels whose order tells whether the picture is turned over
 
 
@@ -83,20 +87,26 @@ def to_arrays(model: pycolmap.Reconstruction) -> Arrays:
 
 
 def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
-    """Return the pinhole camera of the largest image without blank pixels, or pixels that the lens folds over."""
+    """Return the pinhole camera of the largest image without blank pixels, or pixels that the lens folds over.
+
+    Its axis lies as the camera's does in whole pixels: near it, and all over where the lens does not bend, pixels stay as they
+    are. COLMAP's image may lie half a pixel beside them, by the lens's last digits, and is a blend of neighbours then.
+    """
     pinhole = pycolmap.undistort_camera(_options(), camera)
-    across, down = _folded_rim(camera, pinhole)
-    pinhole.width -= 2 * across
-    pinhole.height -= 2 * down
-    pinhole.params = pinhole.params - np.array([0, 0, across, down])
+    rims = np.array(_folded_rim(camera, pinhole))
+    axis, in_colmaps = np.array([camera.principal_point_x, camera.principal_point_y]), pinhole.params[2:] - rims
+    in_ours = axis + np.floor(in_colmaps - axis + _SAME_PX)
+    size = np.array([pinhole.width, pinhole.height]) - 2 * rims - (in_colmaps - in_ours)
+    pinhole.width, pinhole.height = np.floor(size + _SAME_PX).astype(int).tolist()
+    pinhole.params = np.concatenate([pinhole.params[:2], in_ours])
     return pinhole
 
 
 def share_cut(camera: pycolmap.Camera) -> float:
     """Return the share of a photograph that its undistorted image lacks because the lens folds the picture over; else 0."""
-    pinhole, whole = undistorted_camera(camera), pycolmap.undistort_camera(_options(), camera)
-    if (pinhole.width, pinhole.height) == (whole.width, whole.height):
+    if not any(_folded_rim(camera, pycolmap.undistort_camera(_options(), camera))):
         return 0.0
+    pinhole = undistorted_camera(camera)
     at = (np.arange(_RIMS) + 0.5) / _RIMS
     rays = camera.cam_from_img(np.stack(np.meshgrid(at * camera.width, at * camera.height), axis=-1).reshape(-1, 2))
     xy = rays * pinhole.params[:2] + pinhole.params[2:]
@@ -145,13 +155,13 @@ def write_undistorted(
         if falloff and falloff.evened:
             pinhole = pinholes[camera_id]
             gains[camera_id] = falloff.gain((pinhole.width, pinhole.height), pinhole.params)
+    bent = _Bent(model, pinholes)
     for image in registered(model):
         if photo_id(image) in known:
             shutil.copyfile(known[photo_id(image)], out / image_name(photo_id(image)))
             continue
-        bitmap = pycolmap.Bitmap.read(photos / image.name, as_rgb=True)
-        assert bitmap is not None, f"{image.name}: the photos stage wrote a file that cannot be read"
-        pixels = _undistorted(bitmap, model.camera(image.camera_id), pinholes[image.camera_id])
+        with Image.open(photos / image.name) as photograph:
+            pixels = bent.undone(np.asarray(photograph.convert("RGB")), image.camera_id)
         if image.camera_id in gains:
             pixels = evened(pixels, gains[image.camera_id])
         Image.fromarray(pixels).save(out / image_name(photo_id(image)), compress_level=1)
@@ -159,26 +169,46 @@ def write_undistorted(
 
 def write_undistorted_masks(model: pycolmap.Reconstruction, masks: Path, out: Path) -> None:
     """Write the undistorted mask of every placed photograph that has one; what lies outside the photograph is masked."""
-    pinholes = _pinholes(model)
+    bent = _Bent(model, _pinholes(model))
     for image in registered(model):
         used = used_pixels(masks / image.name)
         if used is not None:
-            grey = pycolmap.Bitmap.from_array(np.where(used, np.uint8(255), np.uint8(0)))
-            shown = _undistorted(grey, model.camera(image.camera_id), pinholes[image.camera_id])
+            shown = bent.undone(np.where(used, np.uint8(255), np.uint8(0)), image.camera_id)
             save_mask(shown >= LEAST_USED, out / image_name(photo_id(image)))
+
+
+class _Bent:
+    """Photographs as lenses bent them. pinholes: the cameras that they get, by id."""
+
+    def __init__(self, model: pycolmap.Reconstruction, pinholes: Mapping[int, pycolmap.Camera]) -> None:
+        self._model, self._pinholes = model, pinholes
+        self._places = lru_cache(1)(self._places_of)  # photographs of one camera mostly follow each other
+
+    def undone(self, photograph: UInt8[np.ndarray, "H W *c"], camera_id: int) -> UInt8[np.ndarray, "h w *c"]:
+        """Return what the pinhole camera shows."""
+        channels = np.atleast_3d(photograph).transpose(2, 0, 1)
+        shown = [
+            map_coordinates(channel.astype(np.float32), self._places(camera_id), order=1, mode="nearest")
+            for channel in channels
+        ]
+        pixels = np.clip(np.rint(np.stack(shown, axis=-1)), 0, 255).astype(np.uint8)
+        return pixels.reshape(*pixels.shape[:2], *photograph.shape[2:])
+
+    def _places_of(self, camera_id: int) -> Float32[np.ndarray, "2 h w"]:
+        """Return the row and the column of the photograph, as indices, that each pixel shows."""
+        pinhole, camera = self._pinholes[camera_id], self._model.camera(camera_id)
+        fx, fy, cx, cy = pinhole.params
+        places = np.empty((2, pinhole.height, pinhole.width), np.float32)
+        for top in range(0, pinhole.height, _ROWS):
+            rows = np.arange(top, min(top + _ROWS, pinhole.height))
+            x, y = np.meshgrid((np.arange(pinhole.width) + 0.5 - cx) / fx, (rows + 0.5 - cy) / fy)
+            xy = np.asarray(camera.img_from_cam(np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)))
+            places[:, rows] = xy.T[::-1].reshape(2, *x.shape) - 0.5
+        return places
 
 
 def _pinholes(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Camera]:
     return {camera_id: undistorted_camera(camera) for camera_id, camera in model.cameras.items()}
-
-
-def _undistorted(
-    bitmap: pycolmap.Bitmap, camera: pycolmap.Camera, pinhole: pycolmap.Camera
-) -> UInt8[np.ndarray, "h w *c"]:
-    """Return what the undistorted camera shows, which is the middle of COLMAP's picture."""
-    pixels = pycolmap.undistort_image(_options(), bitmap, camera)[0].to_array()
-    down, across = (pixels.shape[0] - pinhole.height) // 2, (pixels.shape[1] - pinhole.width) // 2
-    return pixels[down : down + pinhole.height, across : across + pinhole.width]
 
 
 def _options() -> pycolmap.UndistortCameraOptions:

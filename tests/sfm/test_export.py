@@ -99,12 +99,37 @@ def test_the_light_of_a_lens_that_folds_is_evened_out(tmp_path: Path) -> None:
         ("PINHOLE", [900.0, 900.0, 512.0, 384.0]),
     ],
 )
-def test_a_lens_that_does_not_fold_has_the_camera_that_colmap_gives_it(model: str, params: list[float]) -> None:
+def test_a_lens_that_does_not_fold_has_the_camera_that_colmap_gives_it_by_whole_pixels(
+    model: str, params: list[float]
+) -> None:
+    """What it shows lies within COLMAP's image, and less than a pixel of that is lost on either axis."""
     camera = camera_of(model, params)
     found, whole = export.undistorted_camera(camera), by_colmap(camera)
-    assert (found.width, found.height) == (whole.width, whole.height)
-    np.testing.assert_array_equal(found.params, whole.params)
+    np.testing.assert_array_equal(found.params[:2], whole.params[:2])
+    moved = found.params[2:] - [camera.principal_point_x, camera.principal_point_y]
+    np.testing.assert_allclose(moved, np.rint(moved), atol=1e-5)
+    before = whole.params[2:] - found.params[2:]
+    after = np.array([whole.width - found.width, whole.height - found.height]) - before
+    assert (before > -1e-5).all()
+    assert (after > -1e-5).all()
+    assert (before + after < 2).all()
     assert lens_notes(one_photograph(camera), pd.DataFrame({"camera": ["DJI"]})) == ()
+
+
+@pytest.mark.parametrize("k", [0.0, -4e-4, 4e-4, -8e-4, 8e-4])
+def test_the_middle_of_a_photograph_stays_as_sharp_as_it_is_whatever_the_lens(tmp_path: Path, k: float) -> None:
+    """Of noise, each pixel of the middle is the photograph's own: COLMAP's image is half a pixel beside it for some of them."""
+    (tmp_path / "images").mkdir()
+    pixels = np.random.default_rng(0).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "images" / image_name(0))
+    model = one_photograph(camera_of("SIMPLE_RADIAL", [800.0, 512.0, 384.0, k]))
+    export.write_undistorted(model, tmp_path / "images", tmp_path / "out", {}, {1: None})
+    with Image.open(tmp_path / "out" / image_name(0)) as image:
+        shown = np.asarray(image)
+    left, top = np.rint([512, 384] - export.undistorted_camera(model.camera(1)).params[2:]).astype(int)
+    middle = (slice(384 - 50, 384 + 50), slice(512 - 50, 512 + 50))
+    same = shown[middle[0].start - top : middle[0].stop - top, middle[1].start - left : middle[1].stop - left]
+    np.testing.assert_array_equal(same, pixels[middle])
 
 
 def test_a_lens_that_folds_is_told() -> None:
