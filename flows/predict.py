@@ -97,14 +97,9 @@ def predict(
         store = read_store(home)
         with store.using():
             version = version_with(store, scene, "dataset", *(() if model else ("training",)))
-            sources = {"dataset": source_of(store, object_of(store, version, "dataset"))}
-            sources["training"] = (
-                model_named(store, model) if model else source_of(store, object_of(store, version, "training"))
-            )
-            if poses is not None:
-                sources["given"] = _outside(poses)
-            photos = poses or store.files_dir(object_of(store, version, "photos"), [PHOTO_TABLE])
-            config = _config(photos, inputs, like, _place("--at", at), _place("--look-at", look_at))
+            sources = _sources(store, version, model, poses)
+            named_in = poses or store.files_dir(object_of(store, version, "photos"), [PHOTO_TABLE])
+            config = _config(named_in, inputs, like, _place("--at", at), _place("--look-at", look_at))
             config = config.model_copy(update={"input_views": _input_views(store, version, model)})
             with Console(stderr=True).status("predicting ..."):
                 record = build(store, work_of(PREDICTION, config, sources), lambda done, total, what: None).record
@@ -113,6 +108,17 @@ def predict(
             told = _told(scene, record, files, view, fold_notes(step_objects(version)))
             print(json.dumps(told, indent=1)) if as_json else _print(told)
         raise typer.Exit(3 if record.state == "degraded" else 0)
+
+
+def _sources(store: Store, version: Mapping[str, Any], model: str | None, poses: Path | None) -> dict[str, Source]:
+    """Return what the stage reads: the scene's data set, its model or the one that is named, and photographs from outside."""
+    sources = {"dataset": source_of(store, object_of(store, version, "dataset"))}
+    sources["training"] = (
+        model_named(store, model) if model else source_of(store, object_of(store, version, "training"))
+    )
+    if poses is not None:
+        sources["given"] = _outside(poses)
+    return sources
 
 
 def _outside(poses: Path) -> Source:
@@ -127,13 +133,16 @@ def _outside(poses: Path) -> Source:
 
 
 def _config(
-    photos: Path,
+    named_in: Path,
     inputs: str | None,
     like: str | None,
     at: tuple[float, float, float] | None,
     look_at: tuple[float, float, float] | None,
 ) -> PredictionConfig:
-    """Check how the options go together, and turn names of photographs into ids."""
+    """Check how the options go together, and turn names of photographs into ids.
+
+    named_in: a transforms.json, or the folder of the stage `photos`.
+    """
     if (at is None) != (look_at is None):
         raise UsageError("--at and --look-at go together", "give both, as X,Y,Z in the scene's world")
     if at is not None and at == look_at:
@@ -147,7 +156,7 @@ def _config(
         from aug3d_core.photos.files import read_photos
         from aug3d_core.photos.table import photo_ids
 
-        table = photo_names(photos) if photos.is_file() else read_photos(photos)
+        table = photo_names(named_in) if named_in.is_file() else read_photos(named_in)
         ids = photo_ids(table, inputs.split(",")) if inputs is not None else ()
         shown = photo_ids(table, [like])[0] if like is not None else None
     if len(set(ids)) < len(ids):

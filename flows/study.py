@@ -115,13 +115,7 @@ def _study(
         }
         asked = Asked(name="paper", given=given)
         found = carry_out(store, f"{table} of {scene}", asked, asked.prepared(store), console, _outcome)
-        published = publication(found)
-        folder = publish(store, console, published)
-        if as_json:
-            print(json.dumps({**published.data, "folder": str(folder)}, indent=1))
-        else:
-            print_findings(Console(), found)
-            print_folder(folder)
+        finish(store, console, publication(found), as_json, lambda: print_findings(Console(), found))
         raise typer.Exit(3 if found.failed else 0)
 
 
@@ -170,6 +164,16 @@ def publish(store: Store, console: Console, study: Publication) -> Path:
     if why := log_study(store, study, folder):
         console.print(f"[yellow]note[/] {escape(why)}", highlight=False, soft_wrap=True)
     return folder
+
+
+def finish(store: Store, console: Console, study: Publication, as_json: bool, show: Callable[[], None]) -> None:
+    """Write a study and log it to MLflow; print its data as JSON, or what `show` prints, and where it is."""
+    folder = publish(store, console, study)
+    if as_json:
+        print(json.dumps({**study.data, "folder": str(folder)}, indent=1))
+    else:
+        show()
+        print_folder(folder)
 
 
 def print_folder(folder: Path) -> None:

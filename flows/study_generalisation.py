@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,7 +10,7 @@ from rich.table import Table
 
 from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.refusal import typed_errors
-from flows.study import Seeds, carry_out, print_folder, publish, using
+from flows.study import Seeds, carry_out, finish, using
 from flows.words import widened
 
 if TYPE_CHECKING:
@@ -38,13 +37,7 @@ def study_generalisation(
         console, asked = Console(stderr=True), Asked(name="generalisation", given=given)
         title = f"generalisation of {collection}"
         found = carry_out(store, title, asked, asked.prepared(store), console, _outcome)
-        published = publication(found)
-        folder = publish(store, console, published)
-        if as_json:
-            print(json.dumps({**published.data, "folder": str(folder)}, indent=1))
-        else:
-            print_findings(Console(), found)
-            print_folder(folder)
+        finish(store, console, publication(found), as_json, lambda: print_findings(Console(), found))
         raise typer.Exit(3 if found.failed else 0)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,7 +10,7 @@ from rich.table import Table
 
 from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.refusal import typed_errors
-from flows.study import Seeds, carry_out, print_folder, publish, using
+from flows.study import Seeds, carry_out, finish, using
 from flows.words import widened
 
 if TYPE_CHECKING:
@@ -40,20 +39,11 @@ def study_stability(
     from aug3d_core.studies.named import Asked
     from aug3d_core.studies.stability.page import publication
 
-    with typed_errors(as_json, home, goes_on=True):
-        console, asked = (
-            Console(stderr=True),
-            Asked(name="stability", given={"only": only, "seeds": seeds, "quick": quick}),
-        )
-        with using(home) as store:
-            found = carry_out(store, "where methods break", asked, asked.prepared(store), console, _outcome)
-            published = publication(store, found)
-            folder = publish(store, console, published)
-        if as_json:
-            print(json.dumps({**published.data, "folder": str(folder)}, indent=1))
-        else:
-            print_findings(Console(), found)
-            print_folder(folder)
+    with typed_errors(as_json, home, goes_on=True), using(home) as store:
+        console = Console(stderr=True)
+        asked = Asked(name="stability", given={"only": only, "seeds": seeds, "quick": quick})
+        found = carry_out(store, "where methods break", asked, asked.prepared(store), console, _outcome)
+        finish(store, console, publication(store, found), as_json, lambda: print_findings(Console(), found))
         raise typer.Exit(3 if found.silent or found.crashes else 0)
 
 
