@@ -10,7 +10,7 @@ import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -57,6 +57,14 @@ LOW_SHARE = 0.3
 PICTURE_ROWS = 4
 
 
+class _Searched(NamedTuple):
+    """How depth was searched."""
+
+    planes: list[int]  # tried for each photograph that was swept; empty if the engine has none
+    made: int  # photographs whose depth was searched in this try
+    reused: int  # photographs whose map an earlier run made
+
+
 def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> Outcome:
     """Find depth, keep what other photographs confirm, and fuse it; raises InputError if no photographs overlap."""
     sfm, workspace = inputs["sfm"], out / DENSE_WORKSPACE
@@ -75,23 +83,14 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     write_workspace(workspace, views, sizes, points, tracks, images, masks, usable)
     write_patch_match_list(workspace, views, {view: chosen[: config.sources] for view, chosen in sources.items()})
     started = time.monotonic()
-    planes: list[int] = []
-    made, reused = len(usable), 0
     if config.engine == "patch_match":
         patch_match(workspace)
         mask_maps(workspace, views, masks, usable)
+        search = _Searched(planes=[], made=len(usable), reused=0)
     else:
         tasks = _tasks(views, points, tracks, sources, config)
         digests = made_of(tasks, views, sizes, images, masks)
-        known = copy_known(digests, views, inputs.get(EARLIER), out)
-        to_sweep, to_compare = _left(tasks, known)
-        (out / RAW).mkdir(exist_ok=True)
-        swept, compared = ([int(views.photo_id[task.view]) for task in left] for left in (to_sweep, to_compare))
-        made, reused = len(swept) - _swept(out, swept, compared), len(known)
-        planes = _sweep(to_sweep, to_compare, sfm, workspace, config, progress)
-        for raw in (out / RAW).glob("*.bin"):
-            raw.unlink()  # all are compared; what is left says that none is to be swept again
-        write_made_of(digests, views, out / MADE_OF)
+        search = _search(tasks, digests, views, inputs, config, out, progress)
     seconds = time.monotonic() - started
     dense = Dense(workspace, views, sizes, points, tracks)
 
@@ -102,17 +101,12 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
     baseline, baseline_tiles = fuse_to(out / BASELINE_FUSED, dense, usable, told)
     draw_sheet(out, images, views, evenly_spread(np.array(usable), PICTURE_ROWS).tolist())
     share = _consistent_share(out, views, masks, usable)
-    # At the very end: a try that is killed before goes on from them
-    shutil.rmtree(workspace / IMAGES)
-    for folder in (RAW, FUSED_TILES):
-        shutil.rmtree(out / folder, ignore_errors=True)
-    for photometric in workspace.glob("stereo/*_maps/*.photometric.bin"):
-        photometric.unlink()  # patch-match's first pass
+    _drop_scratch(out)
     metrics: dict[str, Metric] = {
         "photos": len(usable),
-        "photos_reused": reused,
+        "photos_reused": search.reused,
         "engine": config.engine,
-        "seconds_per_photo": round(seconds / made, 3) if made else None,  # None: all were there
+        "seconds_per_photo": round(seconds / search.made, 3) if search.made else None,  # None: all were there
         "depth_width_px": int(np.median(sizes[usable, 0])),
         "consistent_share": round(share, 4),
         "points": fused,
@@ -120,9 +114,9 @@ def run(inputs: Inputs, config: DepthConfig, out: Path, progress: Progress) -> O
         "tiles": tiles,
         "baseline_tiles": baseline_tiles,
     }
-    if planes:
+    if search.planes:
         metrics |= {
-            "planes_median": int(np.median(planes)),
+            "planes_median": int(np.median(search.planes)),
             "planes_reason": f"adjacent planes move a source pixel by {config.plane_step_px:g} px at most",
         }
     notes = _notes(views, sources, share, fused)
@@ -169,6 +163,34 @@ def _tasks(
     ]
 
 
+def _search(
+    tasks: list[PhotoTask],
+    digests: dict[int, str],
+    views: Views,
+    inputs: Inputs,
+    config: DepthConfig,
+    out: Path,
+    progress: Progress,
+) -> _Searched:
+    """Copy the maps that an earlier run made of the same, sweep the other photographs, then compare their maps.
+
+    digests: of what the map of each view is made of.
+    """
+    sfm, workspace = inputs["sfm"], out / DENSE_WORKSPACE
+    known = copy_known(digests, views, inputs.get(EARLIER), out)
+    to_sweep, to_compare = _left(tasks, known)
+    (out / RAW).mkdir(exist_ok=True)
+    swept, compared = ([int(views.photo_id[task.view]) for task in left] for left in (to_sweep, to_compare))
+    made = len(swept) - _swept(out, swept, compared)
+    tick = _ticking(progress, len(to_sweep), len(to_compare))
+    planes = run_jobs(_jobs("sweep", to_sweep, sfm, workspace, config), tick)
+    run_jobs(_jobs("compare", to_compare, sfm, workspace, config), tick)
+    for raw in (out / RAW).glob("*.bin"):
+        raw.unlink()  # all are compared; what is left says that none is to be swept again
+    write_made_of(digests, views, out / MADE_OF)
+    return _Searched([int(count) for share in planes for count in share], made, len(known))
+
+
 def _left(tasks: list[PhotoTask], known: set[int]) -> tuple[list[PhotoTask], list[PhotoTask]]:
     """Return which tasks are to be swept, and which compared, where the maps of some views are known.
 
@@ -191,21 +213,6 @@ def _swept(out: Path, photo_ids: list[int], to_compare: list[int]) -> int:
             if not (out / RAW / geometric_map_name(photo)).exists():
                 file.unlink(missing_ok=True)
     return sum(file.exists() for file in told.values())
-
-
-def _sweep(
-    to_sweep: list[PhotoTask],
-    to_compare: list[PhotoTask],
-    sfm: Path,
-    workspace: Path,
-    config: DepthConfig,
-    progress: Progress,
-) -> list[int]:
-    """Sweep photographs, then compare maps; return the planes tried for each."""
-    tick = _ticking(progress, len(to_sweep), len(to_compare))
-    planes = run_jobs(_jobs("sweep", to_sweep, sfm, workspace, config), tick)
-    run_jobs(_jobs("compare", to_compare, sfm, workspace, config), tick)
-    return [int(count) for share in planes for count in share]
 
 
 def _ticking(progress: Progress, swept: int, compared: int = 0) -> Callable[[], None]:
@@ -236,6 +243,15 @@ def _jobs(
     )
     shares = [tuple(tasks[i::WORKERS]) for i in range(WORKERS)]
     return [common.model_copy(update={"tasks": share}) for share in shares if share]
+
+
+def _drop_scratch(out: Path) -> None:
+    """Drop what a try that is killed goes on from: only when all else is there."""
+    shutil.rmtree(out / DENSE_WORKSPACE / IMAGES)
+    for folder in (RAW, FUSED_TILES):
+        shutil.rmtree(out / folder, ignore_errors=True)
+    for photometric in (out / DENSE_WORKSPACE).glob("stereo/*_maps/*.photometric.bin"):
+        photometric.unlink()  # patch-match's first pass
 
 
 def _consistent_share(out: Path, views: Views, masks: Path, chosen: list[int]) -> float:
