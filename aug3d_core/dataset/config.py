@@ -16,10 +16,10 @@ class DatasetConfig(StageConfig):
         default=0.005,
         ge=0,
         lt=0.2,
-        description="Share of sparse points cut at either end before the slab is measured [1].",
+        description="Share of sparse points cut at either end before the slab is measured [share].",
     )
     margin_share: float = Field(
-        default=0.1, ge=0, le=2, description="Widening of the slab at either side, share of its thickness."
+        default=0.1, ge=0, le=2, description="Widening of the slab at either side, of its thickness [share]."
     )
     shard_views: int = Field(default=64, ge=1, le=4096, description="Views in one shard file of the store [views].")
 

@@ -20,77 +20,84 @@ class SamplingConfig(StageConfig):
     )
     choice: Literal["coverage", "uniform"] = Field(
         default="coverage",
-        description="Keep what shows most surface from new directions, as long as it adds enough; or all as drawn.",
+        description="coverage: keep domes that show most surface from new directions, while they add enough; uniform: all.",
     )
     min_gain: float = Field(
         default=0.25,
         ge=0,
         le=1,
-        description="What a dome must add to be kept, as a share of what a dome shows on average.",
+        description="What a dome must add to be kept, of what a dome shows on average [share].",
     )
-    width_px: int = Field(default=256, ge=8, le=4096, description="Width (px) of a virtual view; the data set's.")
-    height_px: int = Field(default=192, ge=8, le=4096, description="Height (px) of a virtual view; the data set's.")
+    width_px: int = Field(default=256, ge=8, le=4096, description="Width of a virtual view; best the data set's [px].")
+    height_px: int = Field(
+        default=192, ge=8, le=4096, description="Height of a virtual view; best the data set's [px]."
+    )
     domes: int = Field(
         default=16,
         ge=0,
         le=100_000,
-        description="Most domes (count), 0 for none; choice: coverage may find that fewer do.",
+        description="Most domes, 0 for none; coverage may find that fewer do [domes].",
     )
     views_per_dome: int | None = Field(
         default=None,
         ge=2,
         le=1000,
-        description="Views on each dome; empty: as many as a training group has members (K).",
+        description="Views on each dome; none: as many as a training group has members (K) [views].",
     )
     min_elevation_deg: float = Field(
         default=50.0,
         ge=5,
         le=90,
-        description="Lowest camera, in degrees above the horizon seen from the dome's centre.",
+        description="Lowest camera above the horizon, seen from the dome's centre [degrees].",
     )
     max_elevation_deg: float = Field(
         default=88.0,
         ge=5,
         le=90,
-        description="Highest camera, in degrees above the horizon seen from the dome's centre.",
+        description="Highest camera above the horizon, seen from the dome's centre [degrees].",
     )
     azimuth_range_deg: float = Field(
-        default=120.0, gt=0, le=360, description="Width (degrees) of the sector of each dome that cameras stand in."
+        default=120.0, gt=0, le=360, description="Width of the sector of each dome that cameras stand in [degrees]."
     )
     radius_spread: float = Field(
         default=0.25,
         ge=0,
         le=2,
-        description="Radii reach from that at which the cell fills the view to this share more.",
+        description="How far cameras stand back: by up to this share more than where the cell fills the view [share].",
     )
     min_sampling_ratio: float = Field(
         default=0.7,
         gt=0,
         le=10,
-        description="Finest ground sampling of a view, as a multiple of the photos' at this view size.",
+        description="Finest ground sampling of a view, relative to the photos' at this view size [factor].",
     )
     min_cell_covered: float = Field(
-        default=0.9, gt=0, le=1, description="Share of the ground that a dome looks at which must have surface."
+        default=0.9, gt=0, le=1, description="How much of the ground that a dome looks at must have surface [share]."
     )
-    min_view_covered: float = Field(default=0.9, ge=0, le=1, description="Share of a view that must show surface.")
+    min_view_covered: float = Field(
+        default=0.9, ge=0, le=1, description="How much of a view must show surface [share]."
+    )
     max_back_faces: float = Field(
-        default=0.02, ge=0, le=1, description="Share of a view that may show the surface from behind."
+        default=0.02, ge=0, le=1, description="How much of a view may show the surface from behind [share]."
     )
     max_smeared: float = Field(
         default=0.25,
         ge=0,
         le=1,
-        description="Share of a view that may show the surface at over twice the fineness that photos about it justify.",
+        description="How much of a view may be smeared: shown over twice as finely as photos of it justify [share].",
     )
     min_clearance: float = Field(
-        default=0.4, ge=0, lt=1, description="Distance that a camera keeps from any surface, as a share of its radius."
+        default=0.4,
+        ge=0,
+        lt=1,
+        description="Distance that a camera keeps from any surface, relative to its radius [share].",
     )
     slice_percentile: float | None = Field(
         default=None,
         gt=0,
         lt=100,
-        description="Percentile (K) of the heights above the ground at which a plane cuts buildings off; empty: between "
-        "what is low and what is high.",
+        description="Percentile of the heights above the ground at which a plane cuts buildings off; none: between "
+        "what is low and what is high [%].",
     )
     sam_weights: str | None = Field(
         default=None,
@@ -101,10 +108,10 @@ class SamplingConfig(StageConfig):
         default=3,
         ge=0,
         le=100,
-        description="Most neighbours (M) that each building is put together with under one dome.",
+        description="Most neighbours (M) that each building is put together with under one dome [buildings].",
     )
     tries: int = Field(
-        default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up."
+        default=20, ge=1, le=1000, description="Cameras drawn for each one wanted, before a dome is given up [cameras]."
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the random placement.")
 

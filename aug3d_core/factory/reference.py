@@ -43,7 +43,6 @@ _SHAPE = (
     ("`paths`", "paths of the report, MLflow and the files of each stage"),
     ("`flow_run`", "id of the run in Prefect"),
 )
-_UNITS = {"px": "px", "m": "m", "deg": "degrees", "db": "dB", "s": "s", "mib": "MiB", "gsd": "GSD", "share": "share"}
 _BOUNDS = {"minimum": "≥ ", "exclusiveMinimum": "> ", "maximum": "≤ ", "exclusiveMaximum": "< "}
 Schema = Mapping[str, Any]
 Row = Sequence[str]
@@ -108,7 +107,7 @@ def _kind(field: Schema) -> tuple[str, str]:
     """Return the type with its bounds, and the unit."""
     kinds = [_one_kind(choice) for choice in field.get("anyOf", [field])]
     named = re.search(r"\[([^\]]+)\]", field.get("description", ""))
-    return " or ".join(kinds), named[1] if named else _UNITS.get(field["title"].rpartition("_")[2], "")
+    return " or ".join(kinds), named[1] if named else ""
 
 
 def _one_kind(field: Schema) -> str:

@@ -16,7 +16,7 @@ class SimilarityConfig(StageConfig):
     """When two views count as connected."""
 
     connected_points: int = Field(
-        default=20, ge=1, le=10_000, description="Shared points from which two views are connected."
+        default=20, ge=1, le=10_000, description="Shared points from which two views are connected [points]."
     )
 
 
@@ -29,46 +29,51 @@ class GroupingConfig(StageConfig):
         "where the central ray meets the ground; shared points; seen surface.",
     )
     grid_angle_deg: float = Field(
-        default=30.0, gt=0, le=180, description="Most angle between views of a group; grid only (degrees)."
+        default=30.0, gt=0, le=180, description="Most angle between views of a group; for grid [degrees]."
     )
     k: Annotated[int, Field(ge=2, le=100)] | Literal["auto"] = Field(
         default=10,
-        description=f"Views in a group (K), its centre among them; auto: as many as overlap, at most {MOST_K}.",
+        description=f"Views in a group (K), its centre among them; auto: as many as overlap, at most {MOST_K} [views].",
     )
     groups: int = Field(
-        default=64, ge=1, le=100_000, description="Most training groups; never more than training views."
+        default=64, ge=1, le=100_000, description="Most training groups; never more than training views [groups]."
     )
     test_share: float = Field(
-        default=0.27, ge=0.05, le=0.5, description="Share of the views that look at the test block."
+        default=0.27, ge=0.05, le=0.5, description="How many of the views look at the test block [share]."
     )
     folds: int | None = Field(
         default=None,
         ge=1,
         le=20,
-        description="Blocks of ground that are each once the test. 1: an end; 2: both ends; more: all the ground, cut into"
-        " so many; none: an end, or both where one tests too few photographs or training sees it.",
+        description="How often the scene is trained and tested, each time with another block of ground as the test. 1: an end "
+        "of the ground; 2: each end; more: all the ground, cut into so many; none: 1, or 2 where one end tests too few "
+        "photographs or training sees it [folds].",
     )
     fold: int = Field(
-        default=0, ge=0, le=19, description="Block held out, from 0; a whole run makes every fold, whatever is set."
+        default=0,
+        ge=0,
+        le=19,
+        description="Block that is the test, counted from 0; a run of all stages takes each in turn, whatever is set.",
     )
     gap_footprints: float = Field(
         default=1.0,
         gt=0.0,
         le=10.0,
-        description="Least distance between where training and the test block look, in footprints of a photo.",
+        description="Least distance between where training and the test block look; a footprint is as wide as the ground in "
+        "a photo [footprints].",
     )
     gap_shared_share: float = Field(
         default=0.10,
         ge=0.0,
         le=1.0,
-        description="Share of its points that a training view may share with the test block.",
+        description="How many of its points a training view may share with the test block [share].",
     )
     enough: int = Field(
         default=0,
         ge=0,
         le=1000,
-        description="Photographs that are enough of a place: one outside the test is left out if so many others show nine"
-        " tenths of the surface in it; 0: none is [photographs].",
+        description="A photograph outside the test is left out if nine tenths of the surface in it are seen by this many "
+        "others; 0: none is left out [photographs].",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 

@@ -11,7 +11,10 @@ class OverlapConfig(StageConfig):
     """How every way of grouping is tried."""
 
     groups: int = Field(
-        default=64, ge=1, le=1000, description="Most groups that each way is asked for, to be compared alike."
+        default=64,
+        ge=1,
+        le=1000,
+        description="Groups that each way of grouping makes for the comparison, at most [groups].",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 

@@ -11,19 +11,24 @@ class PhotosConfig(StageConfig):
     """What counts as a usable photograph, and how large the working copies are."""
 
     max_px: int = Field(
-        default=1024, ge=64, le=16384, description="Longest side of a working copy, px; never enlarged."
+        default=1024, ge=64, le=16384, description="Longest side of a working copy; never enlarged [px]."
     )
     min_px: int = Field(
-        default=160, ge=16, le=4096, description="Shortest side below which a photograph is left out, px."
+        default=160,
+        ge=16,
+        le=4096,
+        description="Shortest side, as photographed, below which a photograph is left out [px].",
     )
     least_motion: float = Field(
         default=0.0,
         ge=0.0,
         le=0.5,
-        description="A photograph is left out if the picture moves less than this from the one before it (share of its "
-        "width), as in a video; 0: none is.",
+        description="Least motion of the picture from one photograph to the next, of its width; what moves less, as in a "
+        "video, is left out; 0: none is [share].",
     )
-    min_photos: int = Field(default=4, ge=3, le=1000, description="Fewest usable photographs to go on with.")
+    min_photos: int = Field(
+        default=4, ge=3, le=1000, description="Fewest usable photographs; with less the run stops [photographs]."
+    )
 
 
 PRESETS: dict[str, PhotosConfig] = {

@@ -27,19 +27,19 @@ class RenderingConfig(StageConfig):
     )
     samples: Literal["auto"] | Annotated[int, Field(ge=1, le=4096)] = Field(
         default="auto",
-        description="Samples per pixel, or auto: the fewest with which probe views reach 38 dB against many samples.",
+        description="Samples per pixel, or auto: the fewest with which probe views reach 38 dB against many [samples].",
     )
     views_per_shard: int = Field(
         default=50,
         ge=1,
         le=100_000,
-        description="Largest number of views per file: a killed worker loses at most these.",
+        description="Largest number of views per file: a killed worker loses at most these [views].",
     )
     min_covered_share: float = Field(
         default=0.4,
         ge=0.0,
         le=1.0,
-        description="Smallest share of a view that must show surface (0 to 1); other views are dropped.",
+        description="How much of a view must show surface; other views are dropped [share].",
     )
 
 

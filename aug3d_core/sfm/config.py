@@ -12,7 +12,9 @@ from aug3d_core.run.stage import StageConfig
 class MatchingConfig(StageConfig):
     """How many features, and which pairs of photographs are compared."""
 
-    max_features: int = Field(default=4096, ge=256, le=65536, description="Most keypoints per photograph (SIFT).")
+    max_features: int = Field(
+        default=4096, ge=256, le=65536, description="Most keypoints per photograph (SIFT) [keypoints]."
+    )
     first_octave: int = Field(
         default=-1,
         ge=-1,
@@ -21,14 +23,21 @@ class MatchingConfig(StageConfig):
     )
     pairs: Literal["auto", "exhaustive", "gps", "coarse"] = Field(
         default="auto",
-        description="Compare all pairs, neighbours by GPS, or those that look alike to a coarse comparison; auto: all of "
-        "few photographs, else neighbours by GPS where the photographs bear them out, else by likeness.",
+        description="Which photographs are compared. exhaustive: each with each; gps: with its neighbours by GPS; coarse: with "
+        "those that look alike to a quick comparison; auto: exhaustive for few photographs, else gps where what "
+        "photographs show agrees with it, else coarse.",
     )
     exhaustive_limit: int = Field(
-        default=40, ge=2, le=100_000, description="Up to this many photographs, auto compares all pairs."
+        default=40,
+        ge=2,
+        le=100_000,
+        description="Up to this many photographs, pairs: auto is exhaustive [photographs].",
     )
     neighbours: int = Field(
-        default=20, ge=2, le=1000, description="Photographs that each one is compared with: the nearest, or most alike."
+        default=20,
+        ge=2,
+        le=1000,
+        description="Photographs that each one is compared with, for gps the nearest, for coarse the most alike [photographs].",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 
@@ -38,7 +47,8 @@ class SfmConfig(StageConfig):
 
     mapper: Literal["auto", "incremental", "global", "hierarchical"] = Field(
         default="auto",
-        description="Place photographs one by one, all at once, or part by part; auto: one by one unless they are many.",
+        description="incremental: place photographs one by one; global: all at once; hierarchical: part by part; auto: "
+        "incremental unless they are many.",
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of every random choice.")
 

@@ -34,7 +34,7 @@ class TownConfig(StageConfig):
         description="mixed: houses of all kinds; suburb: detached houses; dense: rows and flats; industry: halls; "
         "high_rise: towers; identical: copies of one house.",
     )
-    trees_share: float = Field(default=1.0, ge=0, le=1, description="Share of the trees that are planted (0 to 1).")
+    trees_share: float = Field(default=1.0, ge=0, le=1, description="Share of the trees that are planted [share].")
     season: Season = Field(default="summer", description="Colours of what grows; in winter snow lies on the ground.")
     sun_azimuth_deg: float = Field(
         default=152.0, ge=0, lt=360, description="Direction to the sun, clockwise from north [degrees]."
@@ -60,12 +60,14 @@ class TownConfig(StageConfig):
         default=0.76,
         ge=0.3,
         le=0.99,
-        description="Overlap of successive photographs (0 to 1); video frames have 0.95 or more.",
+        description="Overlap of successive photographs; video frames have 0.95 or more [share].",
     )
     side_overlap: float = Field(
-        default=0.67, ge=0.2, le=0.95, description="Overlap of photographs on neighbouring lines (0 to 1)."
+        default=0.67, ge=0.2, le=0.95, description="Overlap of photographs on neighbouring lines [share]."
     )
-    max_photos: int | None = Field(default=None, ge=1, description="Largest number of photographs; empty: no limit.")
+    max_photos: int | None = Field(
+        default=None, ge=1, description="Largest number of photographs; none: no limit [photographs]."
+    )
 
     focal_35mm: int = Field(
         default=27,
@@ -76,12 +78,14 @@ class TownConfig(StageConfig):
     width_px: int = Field(
         default=640, ge=160, le=4000, description="Width of a photograph [px]; its height is 3/4 of that."
     )
-    radial_k1: float = Field(default=0.0, ge=-0.3, le=0.3, description="Lens distortion: k1 of COLMAP's RADIAL model.")
-    radial_k2: float = Field(default=0.0, ge=-0.1, le=0.1, description="Lens distortion: k2 of COLMAP's RADIAL model.")
-    blur_px: float = Field(default=0.0, ge=0, le=30, description="Standard deviation of the blur [px].")
-    blur_share: float = Field(
-        default=1.0, ge=0, le=1, description="Share of the photographs that are blurred (0 to 1)."
+    radial_k1: float = Field(
+        default=0.0, ge=-0.3, le=0.3, description="Lens distortion: k1 of COLMAP's RADIAL model [1]."
     )
+    radial_k2: float = Field(
+        default=0.0, ge=-0.1, le=0.1, description="Lens distortion: k2 of COLMAP's RADIAL model [1]."
+    )
+    blur_px: float = Field(default=0.0, ge=0, le=30, description="Standard deviation of the blur [px].")
+    blur_share: float = Field(default=1.0, ge=0, le=1, description="Share of the photographs that are blurred [share].")
     noise_levels: float = Field(
         default=1.3, ge=0, le=50, description="Standard deviation of the sensor noise [levels of 255]."
     )
@@ -89,10 +93,10 @@ class TownConfig(StageConfig):
         default=1.0,
         ge=0.1,
         le=10,
-        description="Exposure of the last part of the flight, relative to the first part (factor).",
+        description="Exposure of the last part of the flight, relative to the first part [factor].",
     )
     exposure_share: float = Field(
-        default=0.5, ge=0, le=1, description="Share of the photographs in that last part (0 to 1)."
+        default=0.5, ge=0, le=1, description="Share of the photographs in that last part [share]."
     )
 
     gps: bool = Field(default=True, description="Write GPS positions into the photographs.")
@@ -100,18 +104,20 @@ class TownConfig(StageConfig):
         default=1.5, ge=0, le=50, description="Standard deviation of the GPS position per axis [m]."
     )
     gps_gross_share: float = Field(
-        default=0.0, ge=0, le=1, description="Share of the photographs with a grossly wrong GPS position (0 to 1)."
+        default=0.0, ge=0, le=1, description="Share of the photographs with a grossly wrong GPS position [share]."
     )
     gps_gross_m: float = Field(default=100.0, ge=0, le=100_000, description="Horizontal error of those positions [m].")
     gps_altitude_off_m: float = Field(
         default=0.0, ge=-1000, le=1000, description="Constant error of all GPS altitudes [m]."
     )
     exif_focal_factor: float = Field(
-        default=1.0, ge=0, le=5, description="Focal length in EXIF, relative to the true one (factor); 0 leaves it out."
+        default=1.0, ge=0, le=5, description="Focal length in EXIF, relative to the true one; 0 leaves it out [factor]."
     )
 
-    samples: int = Field(default=6, ge=1, le=4096, description="Rendered samples per pixel.")
-    photos_per_shard: int = Field(default=20, ge=1, le=10_000, description="Photographs per render process.")
+    samples: int = Field(default=6, ge=1, le=4096, description="Rendered samples per pixel [samples].")
+    photos_per_shard: int = Field(
+        default=20, ge=1, le=10_000, description="Photographs per render process [photographs]."
+    )
 
     @property
     def height_px(self) -> int:

@@ -26,7 +26,7 @@ class TrainingConfig(StageConfig):
         default=0.5,
         ge=0,
         le=1,
-        description="Share of the training groups drawn from rendered domes; the rest are real [1].",
+        description="Share of the training groups drawn from rendered domes; the rest are real [share].",
     )
     groups_per_step: int = Field(default=2, ge=1, le=64, description="Groups in one training step [groups].")
     # How it is trained
@@ -34,9 +34,7 @@ class TrainingConfig(StageConfig):
         default=1200, ge=0, le=10_000_000, description="Training steps; 0: the first weights as they are [steps]."
     )
     learning_rate: float = Field(default=3e-3, gt=0, le=0.1, description="Adam's peak learning rate [1].")
-    final_rate_share: float = Field(
-        default=0.05, gt=0, le=1, description="Last learning rate as a share of the peak [1]."
-    )
+    final_rate_share: float = Field(default=0.05, gt=0, le=1, description="Last learning rate, of the peak [share].")
     warmup_steps: int = Field(default=100, ge=0, le=100_000, description="Steps of linear warm-up [steps].")
     max_gradient_norm: float = Field(
         default=1.0, ge=0, description="Norm at which a step's gradient is clipped; 0: never [1]."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -94,13 +95,13 @@ def test_a_fold_that_there_is_not_is_refused_at_once() -> None:
 
 
 def numbers() -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield each setting that takes a number, with what the form knows of it."""
+    """Yield each setting that takes a number, with what the form knows of it: type, bounds, description."""
     schema = SceneConfig.model_json_schema()
 
     def below(path: str, one: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
         for choice in one.get("anyOf", [one]):
             if choice.get("type") in ("integer", "number"):
-                yield path, choice
+                yield path, {"description": one["description"]} | choice
             elif "$ref" in choice:
                 model = schema["$defs"][choice["$ref"].rpartition("/")[2]].get("properties", {})
                 head = model.get("name", {}).get("const", "") if path == "training.head" else ""
@@ -149,3 +150,11 @@ def test_what_is_no_finite_number_is_none(name: str) -> None:
     assert "cannot be true or false" in refusal(name, True) and "cannot be true or false" in refusal(name, False)
     for value in (math.nan, math.inf, "nan", "-inf"):
         refusal(name, value)
+
+
+_NO_UNIT = ("seed", "first_octave", "fold")  # names of something, not amounts
+
+
+@pytest.mark.parametrize("name", [name for name in NUMBERS if not name.endswith(_NO_UNIT)])
+def test_a_number_has_a_unit_in_brackets(name: str) -> None:
+    assert re.search(r"\[[^\]]+\]", NUMBERS[name]["description"])

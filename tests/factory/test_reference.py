@@ -21,7 +21,7 @@ class Large(Frozen):
 
 
 class Training(Frozen):
-    steps_s: int | None = Field(default=None, description="Time of training.")
+    steps_s: int | None = Field(default=None, description="Time of training [s].")
     head: Annotated[Small | Large, Field(discriminator="name")] = Small()
 
 
@@ -36,7 +36,7 @@ def rows(preset: str, is_open: tuple[str, ...] = ()) -> list[str]:
 
 
 def test_a_row_has_type_bounds_unit_value_and_meaning() -> None:
-    assert "| `steps_s` | integer or none | s | none | Time of training. |" in rows("tiny")
+    assert "| `steps_s` | integer or none | s | none | Time of training [s]. |" in rows("tiny")
     assert "| `hidden` | integer ≥ 1, ≤ 9 | units | 4 | Width \\| of layers [units]. |" in rows("tiny")
 
 

@@ -56,21 +56,21 @@ class SweepConfig(HeadConfig):
         ge=0,
         lt=1,
         description="Share of the first weights in the finished model, which is the weighted mean of first and trained weights"
-        " [1]. The model keeps more of what it knew. 0: the trained weights alone. Random first weights never count.",
+        " [share]. The model keeps more of what it knew. 0: the trained weights alone. Random first weights never count.",
     )
     recoloured_share: float = Field(
         default=0.25,
         ge=0,
         le=1,
         description="Share of the training steps that see everything in other colours: better on places never seen, worse on"
-        " this one [1].",
+        " this one [share].",
     )
     other_cameras_share: float = Field(
         default=0.0,
         ge=0,
         le=1,
         description="Share of the training steps that see everything as other cameras might have photographed it (contrast,"
-        " tint, blur, noise): for a model that is trained on renders alone [1].",
+        " tint, blur, noise): for a model that is trained on renders alone [share].",
     )
     scaffold: bool = Field(
         default=True,
