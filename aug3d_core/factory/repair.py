@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from aug3d_core.factory.build import Built, Work, build, work_of
 from aug3d_core.factory.material import Source, given_photos, given_poses, source_of, town_photos
 from aug3d_core.factory.stages import STAGES, TOWN
@@ -54,7 +56,13 @@ def _work(store: Store, job: Job, progress: Progress) -> Work:
     stage = STAGES.get(job.stage)
     if stage is None or stage.entry != job.entry:
         raise StoreError(f"stage {job.stage} is not one that a run of a scene has", "it is put aside; run it again")
-    config = stage.config.model_validate(job.config)
+    try:
+        config = stage.config.model_validate(job.config)
+    except ValidationError as error:
+        raise StoreError(
+            f"{job.stage} cannot be made as it was: it was made with settings of another version of aug3d",
+            "it is put aside; run the scene again",
+        ) from error
     sources = {
         name: _source(store, stage, name, path, progress) for name, path in job.inputs.items() if name != EARLIER
     }

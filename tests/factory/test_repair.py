@@ -15,7 +15,8 @@ from aug3d_core.factory.walk import Visit, walk
 from aug3d_core.photos.files import PHOTO_TABLE
 from aug3d_core.run.errors import StoreError
 from aug3d_core.run.files import JOB
-from aug3d_core.store.record import Record
+from aug3d_core.store.record import Record, read_job
+from aug3d_core.store.seal import sealed
 from aug3d_core.store.store import Store
 from tests.photos.photo_files import write_photo
 from tests.tests_support import flip
@@ -58,7 +59,7 @@ def test_an_object_and_its_inputs_are_made_again_to_the_bit(made: tuple[Store, d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", ["job", "photographs"])
+@pytest.mark.parametrize("what", ["job", "photographs", "settings"])
 def test_what_cannot_be_made_as_it_was_is_put_aside_and_says_why(
     made: tuple[Store, dict[str, Record]], tmp_path: Path, what: str
 ) -> None:
@@ -67,6 +68,10 @@ def test_what_cannot_be_made_as_it_was_is_put_aside_and_says_why(
     flip(store.place(photos) / PHOTO_TABLE)
     if what == "job":
         flip(store.object_dir("photos", photos.key) / JOB)
+    elif what == "settings":  # an earlier version had others
+        file = store.object_dir("photos", photos.key) / JOB
+        job = read_job(file)
+        file.write_bytes(sealed(job | {"config": job["config"] | {"least_sharpness": 0.5}}))
     else:
         write_photo(tmp_path / "photos" / "9.png", seed=9)
     with pytest.raises(
