@@ -33,6 +33,15 @@ _BASE = "tiny"  # where `auto` starts from; the size of what is predicted, datas
 LEFT_OPEN = tuple(f"{stage.name}.{field}" for stage in STAGES.values() for field in stage.decidable)
 
 
+# Settings of earlier versions: files and scripts may still have them
+GONE: Mapping[str, str] = {
+    "evaluation.resamples": "intervals are no longer drawn at random: leave it out",
+    "evaluation.seed": "nothing is random there any more: leave it out",
+    "similarity.connected_points": "it is always 20 now: leave it out",
+    "surface.photos_per_place": "it is always 3 now: leave it out",
+}
+
+
 def _settings_of(stage: str) -> Any:
     return Field(description=STAGES[stage].description)
 
@@ -193,6 +202,8 @@ def _overridden(values: dict[str, Any], override: str, preset: str) -> dict[str,
 
 def _unknown(values: Mapping[str, Any], override: str, stage: str, path: str) -> UsageError:
     """Return the error of an override of a field that is not there, with the fields that are."""
+    if path in GONE:
+        return UsageError(f"--set {override!r}: there is no setting {path} any more", GONE[path])
     above, _, field = path.rpartition(".")
     beside = value_at(values, above)
     near = f"training.head.{field}"

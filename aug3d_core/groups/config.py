@@ -13,11 +13,7 @@ ENOUGH = 5  # that `auto` takes
 
 
 class SimilarityConfig(StageConfig):
-    """When two views count as connected."""
-
-    connected_points: int = Field(
-        default=20, ge=1, le=10_000, description="Shared points from which two views are connected [points]."
-    )
+    """No settings."""
 
 
 class GroupingConfig(StageConfig):
@@ -84,13 +80,9 @@ class GroupingConfig(StageConfig):
         return self
 
 
-SIMILARITY_PRESETS: dict[str, SimilarityConfig] = {
-    "tiny": SimilarityConfig(),
-    "small": SimilarityConfig(),
-    "paper": SimilarityConfig(),
-}
 GROUPING_PRESETS: dict[str, GroupingConfig] = {
     "tiny": GroupingConfig(k=8),
     "small": GroupingConfig(k=10, groups=256),
     "paper": GroupingConfig(k=20, groups=1024),
 }
+SIMILARITY_PRESETS: dict[str, SimilarityConfig] = {name: SimilarityConfig() for name in GROUPING_PRESETS}

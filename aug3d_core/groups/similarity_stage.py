@@ -15,6 +15,8 @@ from aug3d_core.groups.picture import draw_similarity
 from aug3d_core.run.stage import Inputs, Outcome, Progress
 from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
 
+CONNECTED_POINTS = 20  # shared by two views that count as connected: fewer may be chance
+
 
 def run(inputs: Inputs, config: SimilarityConfig, out: Path, progress: Progress) -> Outcome:
     """Write the similarity matrix."""
@@ -25,7 +27,7 @@ def run(inputs: Inputs, config: SimilarityConfig, out: Path, progress: Progress)
     sparse.save_npz(out / SHARED_POINTS, shared)
     draw_similarity(shared, out / SIMILARITY_PICTURE)
     progress(1, 1, "views compared")
-    sizes = np.bincount(components(shared, config.connected_points))
+    sizes = np.bincount(components(shared, CONNECTED_POINTS))
     pairs = sparse.triu(shared, k=1).data
     metrics = {
         "views": len(views),
@@ -39,6 +41,6 @@ def run(inputs: Inputs, config: SimilarityConfig, out: Path, progress: Progress)
     notes = []
     if len(sizes) > 1:
         apart = len(views) - sizes.max()
-        notes.append(f"{apart} views share fewer than {config.connected_points} points with any view of the main part")
+        notes.append(f"{apart} views share fewer than {CONNECTED_POINTS} points with any view of the main part")
     pictures = {"Shared points of every pair": SIMILARITY_PICTURE}
     return Outcome(metrics=metrics, notes=tuple(notes), pictures=pictures)

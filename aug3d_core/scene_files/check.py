@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from aug3d_core.factory.config import SceneConfig, said
+from aug3d_core.factory.config import GONE, SceneConfig, said
 from aug3d_core.factory.config import place as place_of
 from aug3d_core.heads.config import HeadConfig, config_of, names
 from aug3d_core.run.errors import InputError, UsageError, shown
@@ -97,6 +97,8 @@ def _value(value: Any) -> str:
 
 
 def _unknown(loc: Place, model: type[BaseModel]) -> str:
+    if gone := GONE.get(".".join(loc)):
+        return f"there is no such setting any more: {gone}"
     known = list(_fields(loc, model))
     near = difflib.get_close_matches(loc[-1], known, n=1)
     hint = f", did you mean {near[0]}?" if near else "."

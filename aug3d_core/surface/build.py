@@ -21,6 +21,7 @@ from aug3d_core.surface.kept import NOTHING_KEPT, Kept
 from aug3d_core.surface.shape import Shape, split_to, triangle_areas
 from aug3d_core.surface.texture import paint_texture
 
+BLENDED = 3  # photos in the colour of a vertex or texel, best first: more blur it
 # A hexagonal net of vertices with this spacing covers sqrt(3)/2 spacing^2 per vertex
 AREA_PER_VERTEX = 0.866
 # Texels of a texture per texel that lies in a triangle: charts are not square
@@ -83,7 +84,7 @@ def build(
             atlas, detail = atlas_within(shape, detail, config.texel_budget)
             charts = atlas.charts
         with clock.step("texture"):
-            textured = paint_texture(photographs.for_detail(detail), shape, rgb, atlas, config.photos_per_place, tick)
+            textured = paint_texture(photographs.for_detail(detail), shape, rgb, atlas, BLENDED, tick)
     return Built(
         Mesh(shape.xyz.astype(np.float32), rgb, shape.triangles),
         textured,
@@ -110,7 +111,7 @@ def _coloured(
     photographs: Photographs, shape: Shape, config: SurfaceConfig, tick: Callable[[], None]
 ) -> tuple[Shape, np.ndarray]:
     """Colour the vertices and drop what no photo sees."""
-    colours = paint_vertices(photographs, shape, config.photos_per_place, tick)
+    colours = paint_vertices(photographs, shape, BLENDED, tick)
     whole = colours.known[shape.triangles].all(axis=1)
     if not whole.any():
         raise nothing("no photo sees any of the surface")

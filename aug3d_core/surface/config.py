@@ -46,12 +46,6 @@ class SurfaceConfig(StageConfig):
     min_piece_points: int = Field(
         default=100, ge=0, le=10**9, description="Fused points that a loose piece of surface must carry [points]."
     )
-    photos_per_place: int = Field(
-        default=3,
-        ge=1,
-        le=10,
-        description="Photos blended into the colour of a vertex or texel, best first [photographs].",
-    )
     check_views: int = Field(
         default=6, ge=1, le=100, description="Photos compared with the mesh for the metric render_psnr [photographs]."
     )

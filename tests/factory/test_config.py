@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from aug3d_core.factory.config import (
+    GONE,
     PRESETS,
     SceneConfig,
     left_open,
@@ -21,6 +22,7 @@ from aug3d_core.factory.config import (
 )
 from aug3d_core.heads.config import DEFAULT, names
 from aug3d_core.run.errors import UsageError
+from aug3d_core.run.nested import flat
 from aug3d_core.scene_files.entry import SceneEntry
 from aug3d_core.training.config import presets
 
@@ -43,6 +45,7 @@ def test_an_override_reaches_the_settings_of_the_head_and_leaves_the_rest() -> N
         ("training.head.planes=3", "training.head.planes='3': input should be greater than or equal to 4"),
         ("training.steps.more=3", "training.steps has no field 'more'"),
         ("training.head", "not of the form"),
+        ("evaluation.seed=3", "there is no setting evaluation.seed any more nothing is random there"),
         (
             "grouping.k=Auto",
             "grouping.k='Auto': input should be a valid integer, unable to parse string as an integer, or ",
@@ -150,6 +153,11 @@ def test_what_is_no_finite_number_is_none(name: str) -> None:
     assert "cannot be true or false" in refusal(name, True) and "cannot be true or false" in refusal(name, False)
     for value in (math.nan, math.inf, "nan", "-inf"):
         refusal(name, value)
+
+
+def test_what_is_gone_is_no_setting() -> None:
+    values = flat(scene_config("tiny").model_dump())
+    assert GONE and not GONE.keys() & values.keys()
 
 
 _NO_UNIT = ("seed", "first_octave", "fold")  # names of something, not amounts

@@ -43,6 +43,7 @@ def refusal(text: str | bytes) -> str:
         ("photos: null\nsettings:\n  training:\n    steps: yes", 4, "settings.training.steps = True: cannot be true or false"),
         ("photos: null\nsettings:\n  sampling:\n    min_elevation_deg: 89", 3, "settings.sampling: min_elevation_deg 89 is"),
         ("photos: null\nsettings:\n  grouping:\n    folds: 2\n    fold: 2", 3, "settings.grouping: there is no fold 2: "),
+        ("photos: null\nsettings:\n  evaluation:\n    seed: 3", 4, "evaluation.seed: there is no such setting any more: "),
         ("photos: null\nsettings:\n  trainign: {}", 3, "did you mean training? Known: town, photos,"),
         ("photos: null\nsettings:\n  auto: {steps: 5}", 2, "auto is no stage: write preset: auto, and here only what it"),
         ("photos: null\nsettings:\n  training: 5", 3, "settings.training = 5: should have fields of its own"),
