@@ -13,9 +13,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from aug3d_core.export.target_folder import target_full
 from aug3d_core.run.errors import Aug3dError, StageFailed, UsageError
-from aug3d_core.run.full_disk import NO_ROOM_BYTES, NO_ROOM_ERRORS, disk_failure, disk_full, free_bytes
+from aug3d_core.run.full_disk import NO_ROOM_ERRORS, disk_failure, disk_full, no_room, target_full
 
 _ALLOW = "let this user read or write it, or name another path"
 _REMEDIES = {
@@ -41,7 +40,7 @@ def typed_errors(as_json: bool, home: Path = Path(), *, goes_on: bool = False) -
     except (typer.Exit, typer.Abort, typer.BadParameter):
         raise
     except Exception as error:  # of any library that meets a full disk, or a server whose database is on it
-        if disk_full(error) or _no_room(home):
+        if disk_full(error) or no_room(home):
             raise _left(_disk_failure(home, error), as_json) from error
         if not (isinstance(error, OSError) and error.filename and error.errno in _REMEDIES):
             raise
@@ -49,13 +48,6 @@ def typed_errors(as_json: bool, home: Path = Path(), *, goes_on: bool = False) -
     except KeyboardInterrupt:
         print("stopped" + "; run the same command again to go on where it was" * goes_on, file=sys.stderr)
         raise typer.Exit(130) from None
-
-
-def _no_room(home: Path) -> bool:
-    try:
-        return free_bytes(home) <= NO_ROOM_BYTES
-    except OSError:  # a home that cannot be looked at has a trouble of its own
-        return False
 
 
 def _disk_failure(home: Path, error: Exception) -> Aug3dError:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from aug3d_core.run.errors import Aug3dError, DiskFull, UsageError
-from aug3d_core.run.full_disk import NO_ROOM_BYTES, disk_full, free_bytes
+from aug3d_core.run.errors import Aug3dError, UsageError
+from aug3d_core.run.full_disk import disk_full, no_room, target_full
 
 
 def check_empty(folder: Path) -> None:
@@ -36,23 +36,11 @@ def filling(folder: Path) -> Iterator[None]:
         raise
 
 
-def target_full(target: Path, said: str) -> DiskFull:
-    """Return the typed error of the full disk of a path beside the home, with what is free there now.
-
-    said: what could not be written, in the words of whoever tried.
-    """
-    return DiskFull(
-        f"no space left on the disk of {target.absolute()}: {said}",
-        f"free some space there (now {free_bytes(target) / 2**20:.0f} MiB free) or name a folder on another disk, "
-        "then run again",
-    )
-
-
 def _is_full(folder: Path, error: BaseException) -> bool:
     """Say whether a full disk is what an error came of: of the libraries that write, many keep no word of the system's."""
     if not isinstance(error, Exception) or isinstance(error, Aug3dError):
         return False
-    return disk_full(error) or free_bytes(folder) <= NO_ROOM_BYTES
+    return disk_full(error) or no_room(folder)
 
 
 def _emptied(folder: Path, new: bool) -> None:

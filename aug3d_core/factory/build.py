@@ -12,8 +12,8 @@ from aug3d_core.factory.material import Source
 from aug3d_core.run.atomic_file import write_synced
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import EARLIER, JOB, OUTCOME, PROGRESS
-from aug3d_core.run.full_disk import disk_full
-from aug3d_core.run.process import disk_of, run_isolated
+from aug3d_core.run.full_disk import disk_full, disk_of
+from aug3d_core.run.process import run_isolated
 from aug3d_core.run.progress import on_the_side
 from aug3d_core.run.stage import Outcome, Progress, Stage, StageConfig
 from aug3d_core.run.stage_main import Job

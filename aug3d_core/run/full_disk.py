@@ -1,9 +1,10 @@
-"""A full disk: told from other troubles, whichever library met it, and named with what is free."""
+"""A full disk: told from other troubles, whichever library met it; whose disk it is, what is free there, what to do."""
 
 from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -16,6 +17,8 @@ NO_ROOM_ERRORS = (errno.ENOSPC, errno.EDQUOT)  # also the exit codes of a stage 
 _MIB = 2**20
 # What libraries say that keep only the words of the system's error; the last is SQLite's
 _WORDS = (os.strerror(errno.ENOSPC), os.strerror(errno.EDQUOT), "database or disk is full")
+# The words of an OSError that names files; the last is the one that was written
+_NO_ROOM_FOR = re.compile(rf"\[Errno (?:{'|'.join(map(str, NO_ROOM_ERRORS))})\] .*'(/[^']*)'")
 
 
 def disk_full(error: BaseException) -> bool:
@@ -34,17 +37,54 @@ def free_bytes(path: Path) -> int:
     return shutil.disk_usage(there).free
 
 
-def disk_remedy(folder: Path) -> str:
-    """Return what to do about the full disk of a folder, with what is free there now."""
-    return (
-        f"free some space (now {free_bytes(folder) / _MIB:.0f} MiB free) or choose another disk with --home DIR, "
+def no_room(path: Path) -> bool:
+    """Say whether so little is free on the disk of a path that a failure which has no other name is the disk's."""
+    try:
+        return free_bytes(path) <= NO_ROOM_BYTES
+    except OSError:  # what cannot be looked at has a trouble of its own
+        return False
+
+
+# Below: `said` is what could not be written, in the words of whoever tried.
+
+
+def disk_failure(home: Path, said: str) -> DiskFull:
+    """Return the typed error of the full disk of the home."""
+    return DiskFull(f"no space left on the disk of {home.absolute()}: {said}", _home_remedy(home))
+
+
+def target_full(target: Path, said: str) -> DiskFull:
+    """Return the typed error of the full disk of a path beside the home."""
+    return DiskFull(
+        f"no space left on the disk of {target.absolute()}: {said}",
+        f"free some space there ({_free(target)}) or name a folder on another disk, then run again",
+    )
+
+
+def disk_of(said: str, folder: Path) -> tuple[Path, str]:
+    """Return a folder on the disk that is full, and what to do about it: `folder`, unless what was said names a file elsewhere.
+
+    folder: in the home. The words may have come from another process.
+    """
+    named = _NO_ROOM_FOR.search(said)
+    there = next(parent for parent in Path(named[1]).parents if parent.is_dir()) if named else folder
+    if there.stat().st_dev == folder.stat().st_dev:
+        return folder, _home_remedy(folder)
+    return there, (
+        f"free some space there ({_free(there)}) or, if it is for temporary files, set TMPDIR to a folder on another disk, "
         "then run again: what is finished is kept"
     )
 
 
-def disk_failure(folder: Path, said: str) -> DiskFull:
-    """Return the typed error of a full disk. said: what could not be written, in the words of whoever tried."""
-    return DiskFull(f"no space left on the disk of {folder.absolute()}: {said}", disk_remedy(folder))
+def _home_remedy(folder: Path) -> str:
+    return (
+        f"free some space ({_free(folder)}) or choose another disk with --home DIR, "
+        "then run again: what is finished is kept"
+    )
+
+
+def _free(path: Path) -> str:
+    return f"now {free_bytes(path) / _MIB:.0f} MiB free"
 
 
 def _came_of(error: BaseException | None) -> Iterator[BaseException]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import sys
 import time
@@ -23,7 +22,7 @@ import psutil
 from aug3d_core.run.errors import StageFailed
 from aug3d_core.run.files import ERROR, JOB, LOG, OUTCOME, PROGRESS, SPENT
 from aug3d_core.run.fork_server import LOST, start
-from aug3d_core.run.full_disk import NO_ROOM_BYTES, NO_ROOM_ERRORS, disk_remedy, free_bytes, says_disk_full
+from aug3d_core.run.full_disk import NO_ROOM_BYTES, NO_ROOM_ERRORS, disk_of, free_bytes, says_disk_full
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY, Limits, limits_from
 from aug3d_core.run.linux_process import SUPERVISED
 from aug3d_core.run.memory_meter import MemoryMeter
@@ -32,8 +31,6 @@ from aug3d_core.run.stage import Progress, Stage
 _POLL_S = 0.1
 _SAVE_S = 1.0  # of the cost so far
 _LOG_LINES = 15
-# The words of an OSError that names files; the last is the one that was written
-_NO_ROOM_FOR = re.compile(rf"\[Errno (?:{'|'.join(map(str, NO_ROOM_ERRORS))})\] .*'(/[^']*)'")
 
 
 @dataclass(frozen=True)
@@ -195,22 +192,6 @@ def _failure(stage: Stage, folder: Path, returncode: int, verdict: tuple[str, st
         cause, problem = "disk", f"no space left on the disk of {full}{written}: {problem}"
     replay = f"{sys.executable} -m {stage.package} {folder / JOB}"
     return StageFailed(stage.name, cause, problem, remedy, tail, replay)
-
-
-def disk_of(problem: str, folder: Path) -> tuple[Path, str]:
-    """Return a folder on the disk that is full, and what to do about it: `folder`, unless the problem names a file elsewhere.
-
-    problem: what the error said; it may have come from another process.
-    """
-    named = _NO_ROOM_FOR.search(problem)
-    there = next(parent for parent in Path(named[1]).parents if parent.is_dir()) if named else folder
-    if there.stat().st_dev == folder.stat().st_dev:
-        return folder, disk_remedy(folder)
-    free_mib = free_bytes(there) / 2**20
-    return there, (
-        f"free some space there (now {free_mib:.0f} MiB free) or, if it is for temporary files, set TMPDIR to a folder on "
-        "another disk, then run again: what is finished is kept"
-    )
 
 
 def _diagnose(folder: Path, returncode: int, verdict: tuple[str, str] | None) -> tuple[str, str, str]:

@@ -16,11 +16,12 @@ import rasterio
 from rasterio.crs import CRS
 from rasterio.warp import transform
 
-from aug3d_core.export import points, target_folder
+from aug3d_core.export import points
 from aug3d_core.export.maps import SURFACE_MODEL, export_map
 from aug3d_core.export.points import LAZ, PLY, export_points
 from aug3d_core.geometry.fused import Fused
 from aug3d_core.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
+from aug3d_core.run import full_disk
 from aug3d_core.run.errors import DiskFull, StoreError, UsageError
 from tests.export.test_maps import write_scene
 
@@ -188,7 +189,7 @@ def test_where_the_disk_is_full_it_is_named_and_nothing_is_left(
         raise lazrs.LazrsError("IoError: Failed to call seek")
 
     monkeypatch.setattr(points, "_records", refused)
-    monkeypatch.setattr(target_folder, "free_bytes", lambda of: 0 if (of / PLY).exists() else 2**40)
+    monkeypatch.setattr(full_disk, "free_bytes", lambda of: 0 if (of / PLY).exists() else 2**40)
     with pytest.raises(DiskFull, match=f"{tmp_path}/points: IoError"):
         export_points(*scene, tmp_path / "points")
     assert not (tmp_path / "points").exists()

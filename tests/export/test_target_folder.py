@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from aug3d_core.export import target_folder
 from aug3d_core.export.target_folder import filling
+from aug3d_core.run import full_disk
 from aug3d_core.run.errors import DiskFull, StoreError, UsageError
 
 
@@ -46,7 +46,7 @@ def test_an_error_without_the_systems_words_is_the_full_disks_where_it_is_full(
     error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "out"
-    monkeypatch.setattr(target_folder, "free_bytes", lambda of: 2**20 if (of / "part").exists() else 2**30)
+    monkeypatch.setattr(full_disk, "free_bytes", lambda of: 2**20 if (of / "part").exists() else 2**30)
     with pytest.raises(DiskFull) as told:
         fill(folder, error)
     assert told.value.problem == f"no space left on the disk of {folder}: {str(error) or type(error).__name__}"
@@ -62,6 +62,6 @@ def test_the_systems_words_are_enough(tmp_path: Path) -> None:
 def test_an_error_that_says_what_to_do_is_told_on_a_full_disk_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(target_folder, "free_bytes", lambda of: 0)
+    monkeypatch.setattr(full_disk, "free_bytes", lambda of: 0)
     with pytest.raises(StoreError, match="damaged"):
         fill(tmp_path / "out", StoreError("damaged", "run it again"))

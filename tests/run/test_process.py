@@ -22,7 +22,6 @@ from aug3d_core.run.errors import StageFailed, UsageError
 from aug3d_core.run.files import JOB, LOG, SPENT
 from aug3d_core.run.fork_server import start
 from aug3d_core.run.limits import LIMIT_HOURS, LIMIT_MEMORY
-from aug3d_core.run.process import disk_of
 from aug3d_core.run.stage import Progress, Stage
 from aug3d_core.run.stage_main import Job
 from aug3d_core.store import layout
@@ -338,23 +337,6 @@ def test_a_full_disk_is_the_one_of_the_file_that_could_not_be_written(
     assert failure.cause == "disk" and str(file) in failure.problem and "MiB free" in failure.remedy
     assert f"no space left on the disk of {other if elsewhere else store.root}" in failure.problem
     assert ("TMPDIR" in failure.remedy, "--home" in failure.remedy) == (elsewhere, not elsewhere)
-
-
-@pytest.mark.parametrize(
-    ("files", "elsewhere"),
-    [((), False), (("{home}/a",), False), (("{other}/a",), True), (("{home}/a", "{other}/b"), True),
-     (("{other}/a", "{home}/b"), False), (("the render worker of 0000.npz",), False)],
-)  # fmt: skip
-def test_the_file_that_was_written_tells_which_disk_is_full(
-    tmp_path: Path, small_disk: Callable[[int], Path], files: tuple[str, ...], elsewhere: bool
-) -> None:
-    other = small_disk(1)
-    named = [file.format(home=tmp_path, other=other) for file in files]
-    words: tuple[object, ...] = (errno.ENOSPC, os.strerror(errno.ENOSPC))
-    if named:
-        words = (*words, named[0], *(each for name in named[1:] for each in (None, name)))
-    full, remedy = disk_of(f"a worker said: {OSError(*words)}", tmp_path)
-    assert full == (other if elsewhere else tmp_path) and ("TMPDIR" in remedy) == elsewhere
 
 
 def wait_for(found: Callable[[], list[Path]]) -> list[Path]:
