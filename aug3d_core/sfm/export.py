@@ -98,7 +98,7 @@ def undistorted_camera(camera: pycolmap.Camera) -> pycolmap.Camera:
     in_ours = axis + np.floor(in_colmaps - axis + _SAME_PX)
     size = np.array([pinhole.width, pinhole.height]) - 2 * rims - (in_colmaps - in_ours)
     pinhole.width, pinhole.height = np.floor(size + _SAME_PX).astype(int).tolist()
-    pinhole.params = np.concatenate([pinhole.params[:2], in_ours])
+    pinhole.params = np.concatenate([pinhole.params[:2], in_ours])  # type: ignore[assignment]  (pybind takes arrays)
     return pinhole
 
 
