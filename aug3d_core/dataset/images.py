@@ -43,6 +43,12 @@ class Fit:
         left, top, right, bottom = self.crop
         return float((right - left) * (bottom - top) / ((right + left) * (bottom + top)))
 
+    @property
+    def enlarged(self) -> float:
+        """Pixels of the view along one of the source's: above 1, it is as soft as that makes it."""
+        left, _, right, _ = self.crop
+        return self.width_px / (right - left)
+
     def intrinsics(self, source: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
         """Return (fx, fy, cx, cy) of the packed view; pixel centres are at half-integers, so edges scale plainly."""
         left, top, right, bottom = self.crop

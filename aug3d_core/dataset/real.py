@@ -42,6 +42,7 @@ class RealViews:
     near_far: Float[np.ndarray, "n 2"]
     splits: UInt8[np.ndarray, " n"]
     kept_share: float  # of the pixels of the view cropped most
+    enlarged: float  # packed pixels along one of the smallest photograph
 
 
 def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: DatasetConfig) -> RealViews:
@@ -75,6 +76,7 @@ def pack_real(sfm: Path, grouping: Path, depth: Path, slab: Slab, config: Datase
         np.array(bounds),
         splits,
         min(f.kept_share for f in fits),
+        max(f.enlarged for f in fits),
     )
 
 

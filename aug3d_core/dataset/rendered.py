@@ -35,6 +35,7 @@ class RenderedViews:
     near_far: Float[np.ndarray, "m 2"]
     dome_id: Int[np.ndarray, " m"]
     domes_dropped: int
+    enlarged: float = 1.0  # packed pixels along one of the smallest render
 
 
 def no_rendered(config: DatasetConfig) -> RenderedViews:
@@ -78,6 +79,7 @@ def pack_rendered(sampling: Path, rendering: Path, members: int, slab: Slab, con
         np.array(bounds).reshape(-1, 2),
         np.asarray(kept["dome_id"], np.int32),
         len(np.unique(table["dome_id"])) - len(np.unique(kept["dome_id"])),
+        max((f.enlarged for f in fits), default=1.0),
     )
 
 

@@ -39,6 +39,8 @@ from aug3d_core.sfm.files import POINTS, TRACKS, VIEWS
 from aug3d_core.split.files import SPLIT_TABLE
 from aug3d_core.surface.files import BASELINE_MESH, BASELINE_RENDERS, MESH, MESH_SOURCES
 
+_ENLARGED = 1.05  # times: what the eye can see
+
 CONVENTIONS = {
     "world": "z up; east, north, up in metres where the photographs have GPS",
     "camera": "x right, y down, z forward; pixel centres at half-integers",
@@ -173,6 +175,15 @@ def _outcome(
     if renders_wanted and not len(rendered.images):
         why = "no dome is left whole" if rendered.domes_dropped else "no virtual views were planned"
         notes.append(f"{why}: the data set holds photographs alone")
+    for what, times, remedy in (
+        ("photographs", real.enlarged, "make the data set's views smaller (`dataset.width_px`, `dataset.height_px`)"),
+        ("renders", rendered.enlarged, "make them as large as the views (`sampling.width_px`, `sampling.height_px`)"),
+    ):
+        if times > _ENLARGED:
+            notes.append(
+                f"{what} are enlarged {times:.2g} times for views of {scene.width_px} x {scene.height_px} px, and soft"
+                f" in them: {remedy}"
+            )
     notes += [f"leak audit: {check.name} is {check.figure:g}, not {check.rule}" for check in checks if not check.passed]
     return Outcome(
         metrics={

@@ -288,6 +288,16 @@ def test_photographs_alone_are_packed_the_same_without_renders(inputs, tmp_path)
     assert outcome.metrics["rendered"] == 0 and not any("photographs alone" in note for note in outcome.notes)
 
 
+def test_photographs_and_renders_that_are_enlarged_are_told_with_what_to_do(inputs, tmp_path):
+    (tmp_path / "twice").mkdir()
+    as_large = run(inputs, CONFIG, tmp_path / "out", silent)
+    twice = run(inputs, DatasetConfig(width_px=2 * WIDTH, height_px=2 * HEIGHT), tmp_path / "twice", silent)
+    assert not any("enlarged" in note for note in as_large.notes)
+    photographs, renders = (note for note in twice.notes if "are enlarged 2 times for views of 48 x 32 px" in note)
+    assert photographs.startswith("photographs") and "`dataset.width_px`" in photographs
+    assert renders.startswith("renders") and "`sampling.width_px`" in renders
+
+
 def test_a_photograph_of_the_sky_does_not_stop_the_stage(scene, inputs, tmp_path):
     """No point is before it, and it sees none: its pose was given."""
     views, tracks = Views.load(inputs["sfm"] / VIEWS), Tracks.load(inputs["sfm"] / TRACKS)
