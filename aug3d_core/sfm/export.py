@@ -187,12 +187,9 @@ class _Bent:
     def undone(self, photograph: UInt8[np.ndarray, "H W *c"], camera_id: int) -> UInt8[np.ndarray, "h w *c"]:
         """Return what the pinhole camera shows."""
         channels = np.atleast_3d(photograph).transpose(2, 0, 1)
-        shown = [
-            map_coordinates(channel.astype(np.float32), self._places(camera_id), order=1, mode="nearest")
-            for channel in channels
-        ]
-        pixels = np.clip(np.rint(np.stack(shown, axis=-1)), 0, 255).astype(np.uint8)
-        return pixels.reshape(*pixels.shape[:2], *photograph.shape[2:])
+        places = self._places(camera_id)
+        shown = [map_coordinates(one, places, np.uint8, order=1, mode="nearest") for one in channels]  # rounded
+        return np.stack(shown, axis=-1).reshape(*places.shape[1:], *photograph.shape[2:])
 
     def _places_of(self, camera_id: int) -> Float32[np.ndarray, "2 h w"]:
         """Return the row and the column of the photograph, as indices, that each pixel shows."""
