@@ -82,7 +82,7 @@ def settings_tables(models: Schema, field: Schema, path: str, values: Mapping[st
     model = _model(models, field)
     nested = {name: one for name, one in model["properties"].items() if _refs(one)}
     plain = [
-        (f"`{name}`", *_kind(one), *_presets(f"{path}.{name}", values), one.get("description", ""))
+        (f"`{name}`", _kind(one), _unit(one), *_presets(f"{path}.{name}", values), _meaning(one))
         for name, one in model["properties"].items()
         if name not in nested
     ]
@@ -103,11 +103,19 @@ def _refs(field: Schema) -> list[str]:
     return [choice["$ref"].rpartition("/")[2] for choice in choices if "$ref" in choice]
 
 
-def _kind(field: Schema) -> tuple[str, str]:
-    """Return the type with its bounds, and the unit."""
-    kinds = [_one_kind(choice) for choice in field.get("anyOf", [field])]
+def _kind(field: Schema) -> str:
+    """Return the type with its bounds."""
+    return " or ".join(_one_kind(choice) for choice in field.get("anyOf", [field]))
+
+
+def _unit(field: Schema) -> str:
     named = re.search(r"\[([^\]]+)\]", field.get("description", ""))
-    return " or ".join(kinds), named[1] if named else ""
+    return named[1] if named else ""
+
+
+def _meaning(field: Schema) -> str:
+    """Return the description without the unit, which has a column of its own."""
+    return field.get("description", "").replace(f" [{_unit(field)}]", "", 1)
 
 
 def _one_kind(field: Schema) -> str:

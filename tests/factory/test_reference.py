@@ -36,8 +36,8 @@ def rows(preset: str, is_open: tuple[str, ...] = ()) -> list[str]:
 
 
 def test_a_row_has_type_bounds_unit_value_and_meaning() -> None:
-    assert "| `steps_s` | integer or none | s | none | Time of training [s]. |" in rows("tiny")
-    assert "| `hidden` | integer ≥ 1, ≤ 9 | units | 4 | Width \\| of layers [units]. |" in rows("tiny")
+    assert "| `steps_s` | integer or none | s | none | Time of training. |" in rows("tiny")
+    assert "| `hidden` | integer ≥ 1, ≤ 9 | units | 4 | Width \\| of layers. |" in rows("tiny")
 
 
 def test_each_choice_of_nested_settings_has_a_table() -> None:
