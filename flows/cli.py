@@ -17,7 +17,6 @@ from aug3d_core.doctor import examine
 from aug3d_core.factory.config import SIZES, SceneConfig, scene_config
 from aug3d_core.factory.material import Material
 from aug3d_core.poses.recognise import CLOUD, COLMAP, DTU, GLB, MAP, NERFSTUDIO
-from aug3d_core.run.errors import UsageError
 from aug3d_core.run.garbage import collect_seldom
 from aug3d_core.run.limits import limits_from
 from aug3d_core.run.stage import Stage
@@ -49,7 +48,7 @@ from flows.plan_table import print_plan
 from flows.predict import predict
 from flows.preflight import check_servers, check_weights
 from flows.reading import read_store, version_with
-from flows.refusal import typed_errors
+from flows.refusal import check_photos, typed_errors
 from flows.registered import as_registered, tell_of_file
 from flows.scenes import scenes
 from flows.server import prefect_server
@@ -132,10 +131,8 @@ def run(
         check_scene_name(scene)
         if photos is None:
             material, preset, config = as_registered(home, scene, poses, preset, set_)
-        elif not photos.is_dir():
-            what = "is a file, not a folder" if photos.exists() else "does not exist"
-            raise UsageError(f"--photos {photos} {what}", "give the folder that holds the photographs")
         else:
+            check_photos(photos)
             material = Material(photos=photos.resolve(), poses=poses.resolve() if poses else None)
             preset = preset or DEFAULT_PRESET
             config = scene_config(preset, set_)

@@ -25,7 +25,7 @@ def frames(
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder for the photographs.")],
     overlap: Annotated[
-        float, typer.Option(min=0.5, max=0.95, help="Share of a frame that the next one shows too (0 to 1).")
+        float, typer.Option(min=0.5, max=0.95, help="Share of a frame that the next one shows too.")
     ] = 0.8,
     as_json: AsJson = False,
 ) -> None:

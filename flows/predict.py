@@ -69,7 +69,11 @@ def predict(
         typer.Option(metavar="FILE", help="Use the photographs of this nerfstudio transforms.json, not the scene's."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Also write the view here, and its depth and inputs beside.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.png|DIR",
+            help="Also write the view here, its depth and inputs beside; with --photos, a new folder.",
+        ),
     ] = None,
     home: Home = DEFAULT_HOME,
     as_json: AsJson = False,

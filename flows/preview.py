@@ -29,6 +29,7 @@ from aug3d_core.store.scenes import object_of, versions
 from aug3d_core.store.scenes import scenes as made_scenes
 from aug3d_core.store.store import Store
 from flows.reading import version_with
+from flows.refusal import check_photos
 
 TOWNS = "towns"  # the model that is shipped
 
@@ -52,8 +53,7 @@ def model_named(store: Store, name: str) -> Source:
 
 def preview(store: Store, photos: Path, model: str, out: Path | None, as_json: bool) -> int:
     """Find the poses of photographs, and predict views of them; returns the exit code."""
-    if not photos.is_dir():
-        raise UsageError(f"--photos {photos} is no folder", "give the folder that holds the photographs")
+    check_photos(photos)
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UsageError(f"--out {out} is no new or empty folder", "name one that does not exist")
     console, started = Console(stderr=as_json), time.monotonic()

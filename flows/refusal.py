@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from aug3d_core.photos.discover import trouble_with_photos
 from aug3d_core.run.errors import Aug3dError, StageFailed, UsageError
 from aug3d_core.run.full_disk import NO_ROOM_ERRORS, disk_failure, disk_full, no_room, target_full
 
@@ -25,6 +26,14 @@ _REMEDIES = {
     errno.EISDIR: "name a file: this is a folder",
     errno.ENOTDIR: "check the path: a part of it is a file, not a folder",
 }
+
+
+def check_photos(folder: Path) -> None:
+    """Raise UsageError if the folder that --photos names has no photographs to give."""
+    if trouble := trouble_with_photos(folder):
+        raise UsageError(
+            f"--photos {folder} {trouble}", "give the folder that holds the photographs, as JPEG, PNG or TIFF files"
+        )
 
 
 @contextmanager

@@ -13,7 +13,6 @@ from rich.console import Console
 
 from aug3d_core.collections.files import COLLECTIONS
 from aug3d_core.factory.config import SIZES, said, scene_config
-from aug3d_core.photos.discover import find_photos
 from aug3d_core.run.errors import UsageError
 from aug3d_core.run.nested import nested, value_at
 from aug3d_core.scene_files import (
@@ -32,7 +31,7 @@ from aug3d_core.store.store import Store
 from flows.options import DEFAULT_HOME, AsJson, Home
 from flows.preflight import check_weights
 from flows.reading import read_store
-from flows.refusal import typed_errors
+from flows.refusal import check_photos, typed_errors
 from flows.scene_facts import scene_facts
 from flows.scene_tables import moment, print_scene, print_scenes
 from flows.summary import command
@@ -76,7 +75,7 @@ def add_scene(
 ) -> None:
     """Put a scene into the registry: one commented file that you can edit. Nothing is made yet."""
     with typed_errors(as_json, home):
-        _check_photos(photos, town)
+        _check_source(photos, town)
         entry = checked_options(
             SceneEntry,
             photos=photos,
@@ -205,14 +204,11 @@ def _counted(versions: int) -> str:
     return "1 version" if versions == 1 else f"{versions} versions"
 
 
-def _check_photos(photos: Path | None, town: bool) -> None:
+def _check_source(photos: Path | None, town: bool) -> None:
     if (photos is None) != town:
         raise UsageError("a scene is made of photographs or of the town", "give either --photos DIR or --town")
-    if photos and not photos.is_dir():
-        what = "is a file, not a folder" if photos.exists() else "does not exist"
-        raise UsageError(f"--photos {photos} {what}", "give the folder that holds the photographs")
-    if photos and not find_photos(photos).names:
-        raise UsageError(f"--photos {photos} holds no photographs", "give a folder with JPEG, PNG or TIFF files")
+    if photos:
+        check_photos(photos)
 
 
 def settings_of(preset: str, overrides: list[str]) -> dict[str, dict[str, Any]]:

@@ -67,6 +67,27 @@ def find_photos(folder: Path) -> Found:
     return Found(tuple(sorted(names, key=natural_key)), ignored, masked, stray, control)
 
 
+def trouble_with_photos(folder: Path) -> str | None:
+    """Return why a folder has no photographs to give; None if it has."""
+    trouble = trouble_with(folder)
+    if trouble is None and not folder.is_dir():
+        return "is a file, not a folder"
+    if trouble is None and not find_photos(folder).names:
+        return "holds no photographs"  # where a disk is not mounted, the folder is there, and empty
+    return trouble
+
+
+def trouble_with(path: Path) -> str | None:
+    """Return why a file or folder cannot be looked at; None if it can."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return "does not exist"
+    except OSError as error:  # a network disk that went away, a folder that others may not enter
+        return f"cannot be read: {error.strerror}"
+    return None
+
+
 def _refuse(error: OSError) -> None:
     # Without its photographs the scene would be another one, and nobody would know.
     raise InputError(

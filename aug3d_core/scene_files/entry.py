@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 
 from aug3d_core.factory.config import AUTO, PRESETS, SceneConfig, validated_config, with_settings
 from aug3d_core.factory.material import Elsewhere, Material
-from aug3d_core.photos.discover import find_photos
+from aug3d_core.photos.discover import trouble_with, trouble_with_photos
 from aug3d_core.run.errors import InputError
 from aug3d_core.run.stage import Frozen
 from aug3d_core.scene_files.document import Place
@@ -118,33 +118,14 @@ class SceneEntry(Frozen):
         """
         if elsewhere:
             return Material(photos=self.photos, poses=self.poses, elsewhere=elsewhere)
-        if self.photos and (trouble := _trouble_with_photos(self.photos)):
+        if self.photos and (trouble := trouble_with_photos(self.photos)):
             raise InputError(
                 f"{self._origin.of('photos')}: folder {self.photos} {trouble} (on {gethostname()})",
                 "connect the disk that it is on, or name the folder where the photographs are now",
             )
-        if self.poses and (trouble := _trouble(self.poses)):
+        if self.poses and (trouble := trouble_with(self.poses)):
             raise InputError(
                 f"{self._origin.of('poses')}: {self.poses} {trouble} (on {gethostname()})",
                 "name the file or folder where the poses are now, or null to compute them",
             )
         return Material(photos=self.photos, poses=self.poses)
-
-
-def _trouble_with_photos(folder: Path) -> str | None:
-    trouble = _trouble(folder)
-    if trouble is None and not folder.is_dir():
-        return "is a file, not a folder"
-    if trouble is None and not find_photos(folder).names:
-        return "holds no photographs"  # where a disk is not mounted, the folder is there, and empty
-    return trouble
-
-
-def _trouble(path: Path) -> str | None:
-    try:
-        path.stat()
-    except FileNotFoundError:
-        return "does not exist"
-    except OSError as error:  # a network disk that went away, a folder that others may not enter
-        return f"cannot be read: {error.strerror}"
-    return None

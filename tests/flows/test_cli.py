@@ -20,6 +20,7 @@ def invoke(*arguments: str | Path):
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_bytes(b"a photograph")
     return tmp_path / "photos"
 
 
@@ -42,6 +43,14 @@ def test_not_a_folder(tmp_path: Path) -> None:
     result = invoke("run", "scene", "--photos", tmp_path / "a.jpg", "--home", tmp_path / "home")
     assert result.exit_code == 2
     assert "is a file, not a folder" in result.output.replace("\n", "")
+
+
+@pytest.mark.parametrize("more", [(), ("--dry-run",)])
+def test_a_folder_without_photographs(more: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    result = invoke("run", "scene", "--photos", tmp_path / "empty", "--home", tmp_path / "home", *more)
+    assert result.exit_code == 2
+    assert "empty holds no photographs" in result.output.replace("\n", "")
 
 
 def test_an_unknown_preset(folder: Path, tmp_path: Path) -> None:

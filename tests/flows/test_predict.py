@@ -83,7 +83,7 @@ def test_a_scene_in_folds_says_whose_model_it_is() -> None:
     [
         ((), "predict takes a scene, or --photos DIR"),
         (("any", "--photos", "."), "predict takes a scene, or --photos DIR"),
-        (("--photos", "nowhere"), "--photos nowhere is no folder"),
+        (("--photos", "nowhere"), "--photos nowhere does not exist"),
         (("--photos", ".", "--like", "3"), "--photos goes with --model and --out alone"),
         (("--photos", ".", "--model", "nobody"), "there is no model 'nobody'"),
         (("--photos", ".", "--out", "."), "--out . is no new or empty folder"),

@@ -33,12 +33,6 @@ def noise_photo(path: Path, seed: int) -> None:
     Image.fromarray(pixels).resize((400, 300), Image.Resampling.BICUBIC).save(path, quality=90)
 
 
-def test_an_empty_folder(tmp_path: Path, served: dict[str, str]) -> None:
-    (tmp_path / "photos").mkdir()
-    failure = refuse(tmp_path, tmp_path / "photos", served)
-    assert str(tmp_path / "photos") in failure["problem"]
-
-
 def test_thirty_photos_of_nothing_in_common(tmp_path: Path, served: dict[str, str]) -> None:
     folder = tmp_path / "photos"
     folder.mkdir()
