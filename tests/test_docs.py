@@ -10,7 +10,8 @@ import pytest
 
 from aug3d_core.dataset.writer import arrays_of, write
 from aug3d_core.factory.reference import pages
-from aug3d_core.factory.stages import FROM_PHOTOS
+from aug3d_core.factory.stages import FROM_PHOTOS, STAGES
+from aug3d_core.town.exact.declared import EXACT_TOWN
 from tests.toy_scene import toy_scene
 
 ROOT = Path(__file__).parents[1]
@@ -29,6 +30,12 @@ def anchors(document: Path) -> set[str]:
 
 def test_the_costs_of_many_scenes_count_the_stages_that_there_are() -> None:
     assert f"O = {len(FROM_PHOTOS)} stages" in (ROOT / "docs" / "scale.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", ["concepts.md", "home_folder.md"])
+def test_the_tables_that_are_kept_by_hand_have_every_stage(page: str) -> None:
+    rows = re.findall(r"^\| `?(\w+)`? \|", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.MULTILINE)
+    assert not {*STAGES, EXACT_TOWN.name} - {*rows}
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
