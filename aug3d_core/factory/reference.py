@@ -42,6 +42,8 @@ _SHAPE = (
     ("`objects.<stage>`", "stage and key of the object in the store"),
     ("`paths`", "paths of the report, MLflow and the files of each stage"),
     ("`flow_run`", "id of the run in Prefect"),
+    ("`shared_store`", "only with a shared store: what the run asked of it, requests and bytes"),
+    ("`digests`, `seal`", "SHA-256 of the files beside this one, and of this one: what a disk damages is noticed"),
 )
 _BOUNDS = {"minimum": "≥ ", "exclusiveMinimum": "> ", "maximum": "≤ ", "exclusiveMaximum": "< "}
 Schema = Mapping[str, Any]
@@ -60,7 +62,7 @@ def settings_page() -> str:
     parts = [_NOTE, "# Settings", _SETTINGS]
     for stage, field in schema["properties"].items():
         if stage != AUTO:
-            parts += [f"## {stage}", field["description"], *settings_tables(schema["$defs"], field, stage, values)]
+            parts += [f"## {stage}", STAGES[stage].description, *settings_tables(schema["$defs"], field, stage, values)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import pytest
 from pydantic import Field
 
+from aug3d_core.factory import reference
 from aug3d_core.factory.reference import settings_tables, table
+from aug3d_core.factory.stages import STAGES
 from aug3d_core.run.stage import Frozen
 
 
@@ -47,6 +50,20 @@ def test_each_choice_of_nested_settings_has_a_table() -> None:
 
 def test_what_the_scene_decides_is_marked() -> None:
     assert any("`hidden`" in row and "*scene*" in row for row in rows("auto", ("training.head.hidden",)))
+
+
+def test_a_stage_may_be_described_as_its_settings_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A schema leaves out a field's description where the docstring of its model is the same."""
+
+    class Town(Frozen):
+        __doc__ = STAGES["town"].description
+
+    class Scene(Frozen):
+        town: Town = Field(default=Town(), description=STAGES["town"].description)
+
+    monkeypatch.setattr(reference, "SceneConfig", Scene)
+    monkeypatch.setattr(reference, "scene_config", lambda _: Scene())
+    assert f"## town\n\n{STAGES['town'].description}\n" in reference.settings_page()
 
 
 def test_a_table_has_as_many_columns_as_its_head() -> None:
