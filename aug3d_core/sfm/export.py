@@ -168,7 +168,7 @@ def write_undistorted(
 
 
 def write_undistorted_masks(model: pycolmap.Reconstruction, masks: Path, out: Path) -> None:
-    """Write the undistorted mask of every placed photograph that has one; what lies outside the photograph is masked."""
+    """Write the undistorted mask of every placed photograph that has one."""
     bent = _Bent(model, _pinholes(model))
     for image in registered(model):
         used = used_pixels(masks / image.name)
@@ -185,7 +185,7 @@ class _Bent:
         self._places = lru_cache(1)(self._places_of)  # photographs of one camera mostly follow each other
 
     def undone(self, photograph: UInt8[np.ndarray, "H W *c"], camera_id: int) -> UInt8[np.ndarray, "h w *c"]:
-        """Return what the pinhole camera shows."""
+        """Return what the pinhole camera shows, which lies within the photograph."""
         channels = np.atleast_3d(photograph).transpose(2, 0, 1)
         places = self._places(camera_id)
         shown = [map_coordinates(one, places, np.uint8, order=1, mode="nearest") for one in channels]  # rounded

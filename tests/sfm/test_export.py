@@ -113,6 +113,10 @@ def test_a_lens_that_does_not_fold_has_the_camera_that_colmap_gives_it_by_whole_
     assert (before > -1e-5).all()
     assert (after > -1e-5).all()
     assert (before + after < 2).all()
+    net = np.meshgrid(np.linspace(0, found.width, 65), np.linspace(0, found.height, 65), 1.0)
+    rays = (np.stack(net, axis=-1).reshape(-1, 3) - [*found.params[2:], 0]) / [*found.params[:2], 1]
+    shown = np.asarray(camera.img_from_cam(rays))
+    assert ((shown >= 0) & (shown <= [WIDTH, HEIGHT])).all(), "nothing that it shows is outside of the photograph"
     assert lens_notes(one_photograph(camera), pd.DataFrame({"camera": ["DJI"]})) == ()
 
 
