@@ -90,7 +90,7 @@ def kml(points: Sequence[Waypoint], title: str) -> bytes:
     for point in points:
         mark = _add(document, "Placemark", None, _KML)
         _add(mark, "name", f"{point.rank}", _KML)
-        _add(mark, "description", f"heading {point.yaw_deg:.0f} deg, gimbal {point.pitch_deg:.0f} deg", _KML)
+        _add(mark, "description", f"heading {round(point.yaw_deg) % 360} deg, gimbal {point.pitch_deg:.0f} deg", _KML)
         place = _add(mark, "Point", None, _KML)
         _add(place, "altitudeMode", mode, _KML)
         _add(place, "coordinates", _place(point), _KML)

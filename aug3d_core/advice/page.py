@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from urllib.parse import quote
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -24,7 +25,7 @@ from aug3d_core.report.top_view import Frame
 _MAP_PX, _GROUND_PX = 1100, 500
 _WORST, _BEST = np.array([196, 50, 40]), np.array([46, 140, 80])  # colours of nothing seen, and of nothing missing
 _ALPHA = 120
-_ARROW_PX, _DOT_PX = 30.0, 13.0
+_DOT_PX, _HEADING_PX = 13.0, 32.0  # from the middle: also cameras that look straight down have a heading
 _SPREAD_CELLS = 2.0  # so far a colour goes over cells without a sample of their own
 _ALL = 0.995  # looked at: as percents are rounded
 _LITTLE_M = 1.0  # higher than is lawful: the ground is not known better
@@ -33,6 +34,7 @@ _STYLE = """<style>
 .map rect.back{fill:#3b4247}.map .new{fill:#1f6feb;stroke:#fff;stroke-width:2}
 .map .way{stroke:#1f6feb;stroke-width:5;fill:none}.map text.rank{fill:#fff;font-size:15px;font-weight:700}
 .legend i{display:inline-block;width:12px;height:12px;margin-right:6px;border:1px solid #0005;vertical-align:-1px}
+.legend i.dot{border-radius:50%}.map p{margin:6px 0 0}
 </style>"""
 
 
@@ -50,7 +52,7 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
             f"{plan.site.height_flown(HIGHER):.0f} {plan.unit} above the ground,"
             f" and {plan.site.margin:.0f} {plan.unit} above what is near",
         ),
-        ("highest roof", f"{plan.site.roof:.0f} {plan.unit} (heights of the scene's world)"),
+        ("highest roof", f"{plan.site.roof - plan.lowest_ground:.0f} {plan.unit} above the lowest ground"),
     ]
     told = "".join(tag("span", f"{escape(name)} {tag('b', escape(value))}") for name, value in facts)
     parts.append(tag("div", told, class_="facts"))
@@ -61,7 +63,8 @@ def advice_page(scene: str, plan: Plan, mesh: Mesh, files: Sequence[str]) -> str
         parts += [tag("h2", "What is missing then"), _map(plan, mesh, plan.choice.after, False)]
         parts += [tag("h2", "The photographs, best first"), _table(plan)]
     if files:
-        parts += [tag("h2", "Files"), tag("p", ", ".join(tag("code", escape(name)) for name in files))]
+        links = ", ".join(tag("a", tag("code", escape(name)), href=quote(name)) for name in files)
+        parts += [tag("h2", "Files"), tag("p", links)]
     return page(f"Advice: {scene}", "".join(parts), head=_STYLE)
 
 
@@ -145,12 +148,8 @@ def _map(plan: Plan, mesh: Mesh, missing: Float[np.ndarray, " s"], with_advice: 
     if with_advice:
         drawn += lines(frame, at[:-1], at[1:], "flown")
         drawn += "".join(_mark(frame, one) for one in plan.choice.advised)
-    title = "Map of what is missing, north up"
-    return tag(
-        "div",
-        svg(*frame.size, title, drawn + scale_bar(frame, plan.unit)) + _legend(plan, with_advice),
-        class_="card map",
-    )
+    drawn = svg(*frame.size, "Map of what is missing", drawn + scale_bar(frame, plan.unit))
+    return tag("div", drawn + _legend(plan, with_advice), class_="card map")
 
 
 def _from_above(site: Site, mesh: Mesh, frame: Frame) -> UInt8[np.ndarray, "h w 4"]:
@@ -189,8 +188,8 @@ def _missing(site: Site, frame: Frame, missing: Float[np.ndarray, " s"]) -> str:
 def _mark(frame: Frame, one: Advised) -> str:
     x, y = frame.place(np.array(one.xyz[:2]))
     yaw = np.radians(one.yaw_deg)
-    length = _DOT_PX + _ARROW_PX * np.cos(np.radians(one.pitch_deg))
-    way = f'<path class="way" d="M{x:.1f} {y:.1f}l{length * np.sin(yaw):.1f} {-length * np.cos(yaw):.1f}"/>'
+    right, down = _HEADING_PX * np.sin(yaw), -_HEADING_PX * np.cos(yaw)
+    way = f'<path class="way" d="M{x:.1f} {y:.1f}l{right:.1f} {down:.1f}"/>'
     said = tag("title", escape(f"{one.rank}: {why(one)}"))
     dot = f'<circle class="new" cx="{x:.1f}" cy="{y:.1f}" r="{_DOT_PX}">{said}</circle>'
     return way + dot + text(x, y, str(one.rank), "middle", "rank")
@@ -199,23 +198,24 @@ def _mark(frame: Frame, one: Advised) -> str:
 def _legend(plan: Plan, with_advice: bool) -> str:
     keys = [(f"rgb{tuple(_WORST)}", "all is missing"), (f"rgb{tuple((_WORST + _BEST) // 2)}", "half of it")]
     keys += [(f"rgb{tuple(_BEST)}", "nothing: photographed from wherever the flight looks")]
-    keys += [("none", "without colour: not looked at")] if plan.choice.looked_at < _ALL else []
-    keys += [("#fff", "photographs")]
-    keys += [("#1f6feb", "to take, with its rank; the line points where the camera looks")] if with_advice else []
-    return tag(
-        "div",
-        "".join(tag("span", f'<i style="background:{colour}"></i>{word}') for colour, word in keys),
-        class_="legend",
-    )
+    said = "".join(tag("span", f'<i style="background:{colour}"></i>{word}') for colour, word in keys)
+    said += tag("span", "without colour: not looked at") if plan.choice.looked_at < _ALL else ""
+    dots = [("#fff", "photographs")]
+    dots += [("#1f6feb", "to take, with its rank; the blue line is its heading")] if with_advice else []
+    said += "".join(tag("span", f'<i class="dot" style="background:{colour}"></i>{word}') for colour, word in dots)
+    north = "North is up." if plan.origin is not None else "Nothing told where north is."
+    way = " The white line is the way from one to the next." if with_advice and plan.choice.advised else ""
+    return tag("div", said, class_="legend") + tag("p", north + way, class_="dim")
 
 
 def _table(plan: Plan) -> str:
     rows = [
         (
             str(one.rank),
-            ", ".join(f"{value:.1f}" for value in one.xyz),
+            ", ".join(f"{value:.1f}" for value in one.xyz[:2]), f"{one.xyz[2] - plan.lowest_ground:.1f}",
             f"{one.yaw_deg:.0f}", f"{one.pitch_deg:.0f}", f"{one.adds:.1%}", escape(why(one)),
         )
         for one in sorted(plan.choice.advised, key=lambda one: one.rank)
     ]  # fmt: skip
-    return table(("rank", f"x, y, z [{plan.unit}]", "heading [deg]", "gimbal [deg]", "adds", "why"), rows, (0, 2, 3, 4))
+    heads = ("rank", f"x, y [{plan.unit}]", f"above the lowest ground [{plan.unit}]", "heading [deg]", "gimbal [deg]")
+    return table((*heads, "adds", "why"), rows, (0, 2, 3, 4, 5))

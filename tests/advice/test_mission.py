@@ -116,6 +116,8 @@ def test_other_programs_read_the_places() -> None:
     found = points(3)
     marks = ElementTree.fromstring(kml(found, "a < b & c")).iter(f"{K}Point")
     told = [tuple(map(float, (mark.findtext(f"{K}coordinates") or "").split(","))) for mark in marks]
+    headings = [f"heading {one.yaw_deg:.0f} deg" for one in advised(9)]
+    assert all(one in kml(points(9), "").decode() for one in headings), "as the page has them, not below nought"
     features = json.loads(geojson(found, advised(3)))["features"]
     rows = list(csv.DictReader(io.StringIO(listing(advised(3), found))))
     for place, feature, row, point in zip(told, features, rows, found, strict=True):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,13 +35,24 @@ def test_with_gps_there_are_files_for_the_field(tmp_path: Path) -> None:
     assert names == {"advice.html", "advice.csv", "advice.geojson", "advice.kml", "mission.kmz"}
     assert page.count('class="new"') == 5 and "mission.kmz" in page and "hole of the mesh" in page
     assert "my &lt;scene&gt;" in page and "<scene>" not in page and "poorly photographed" in verdict(plan)
+    assert {*re.findall(r'<a href="([^"]+)"', page)} == names - {"advice.html"} and "North is up" in page
+
+
+def test_the_page_counts_heights_as_the_mission_does(tmp_path: Path) -> None:
+    plan = plan_of(*write_scene(tmp_path, skipped_m=50.0), [], 5, 15.0)
+    valley = replace(plan.site.area, heights=plan.site.area.heights - 7.0)
+    lower = replace(plan, site=replace(plan.site, area=valley))
+    page = written(lower, tmp_path / "advice")
+    up_m = {float(row["up_m"]) for row in csv.DictReader((tmp_path / "advice" / "advice.csv").read_text().splitlines())}
+    assert lower.lowest_ground == pytest.approx(-7.0) and "<b>16 m above the lowest ground</b>" in page
+    assert all(f">{height:.1f}</td>" in page for height in up_m)
 
 
 def test_without_gps_there_are_none(tmp_path: Path) -> None:
     plan = plan_of(*write_scene(tmp_path, skipped_m=50.0, gps=False), [], 3, 15.0)
     page = written(plan, tmp_path / "advice")
     assert {path.name for path in (tmp_path / "advice").iterdir()} == {"advice.html", "advice.csv"}
-    assert plan.origin is None and " unit" in page
+    assert plan.origin is None and " unit" in page and "orth is up" not in page and "north up" not in page
 
 
 def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
