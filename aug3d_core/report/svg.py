@@ -12,7 +12,8 @@ from PIL import Image
 from aug3d_core.report.html import data_uri
 from aug3d_core.report.thumbnails import encoded
 
-BAR_PX, LABEL_PX, VALUE_PX, WIDTH_PX = 30, 176, 96, 624
+BAR_PX, VALUE_PX, WIDTH_PX = 30, 96, 624
+LABEL_PX = 226  # the longest label in the larger writing of a phone
 CHART_WIDTH, CHART_HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 420, 220, 52, 42, 12, 12
 
 

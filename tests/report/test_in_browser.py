@@ -88,6 +88,16 @@ def test_a_pair_is_enlarged_with_its_slider(page: Page) -> None:
     assert page.locator("#test .slider").evaluate("one => one.style.getPropertyValue('--at')") == ""
 
 
+@pytest.mark.parametrize("width", [360, 420, 700, _WIDTH])
+def test_the_names_of_answers_stay_inside_their_card(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": _HEIGHT})
+    card = page.locator("#summary .hero").bounding_box()
+    said = [one.bounding_box() for one in page.locator("#summary .hero svg text").all()]
+    assert card and len(said) >= 14
+    for box in said:
+        assert box and card["x"] <= box["x"] and box["x"] + box["width"] <= card["x"] + card["width"]
+
+
 def test_on_paper_pairs_stand_side_by_side_and_nothing_is_folded_up(page: Page) -> None:
     page.emulate_media(media="print")
     predicted, true = (
