@@ -25,6 +25,7 @@ _SEEN = (  # how many photographs see a place, from so many on: colour
     (0, (196, 50, 40)), (3, (233, 170, 60)), (5, (160, 200, 90)), (9, (46, 140, 80)),
 )  # fmt: skip
 _ALPHA_INSIDE, _ALPHA_OUTSIDE = 200, 70
+_MAP_SAYS = "North is up. The white line is the order of capture. Pale: beyond what the flight encloses."
 _WORDS = {
     "stop": ("refused", "will not work"),
     "warn": ("degraded", "look at it"),
@@ -126,8 +127,8 @@ def _map(survey: Survey, ground: Ground) -> str:
         circle = f'<circle class="at {kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}">'
         circle += tag("title", escape(_said(survey, ground, photo))) + "</circle>"
         drawn += f'<a href="#p{photo}">{circle}</a>' if shown[photo] else circle
-    title = f"Map of {placed.sum()} photographs, north up"
-    return tag("div", svg(*frame.size, title, drawn + scale_bar(frame, "m")) + _legend(), class_="card map")
+    drawn = svg(*frame.size, f"Map of {placed.sum()} photographs", drawn + scale_bar(frame, "m"))
+    return tag("div", drawn + _legend() + tag("p", _MAP_SAYS, class_="dim"), class_="card map")
 
 
 def _said(survey: Survey, ground: Ground, photo: int) -> str:
@@ -154,7 +155,7 @@ def _legend() -> str:
         tag("span", f'<i style="background:rgb{colour}"></i>seen by {word}')
         for word, colour in zip(words, colours, strict=True)
     )
-    for colour, word in (("#f2b134", "blurred"), ("#58a6ff", "exposed unlike its neighbours")):
+    for colour, word in (("#fff", "photograph"), ("#f2b134", "blurred"), ("#58a6ff", "exposed unlike its neighbours")):
         keys += tag("span", f'<i style="background:{colour};border-radius:50%"></i>{word}')
     return tag("div", keys, class_="legend")
 
@@ -168,7 +169,7 @@ def _charts(survey: Survey) -> str:
     drawn = "".join(
         tag(
             "div",
-            tag("h3", escape(name)) + curve(list(enumerate(map(float, values))), name, "photograph"),
+            tag("h3", escape(name)) + curve(list(enumerate(map(float, values), 1)), name, "photograph"),
             class_="card",
         )
         for name, values in series

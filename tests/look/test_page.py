@@ -32,6 +32,7 @@ def test_everything_is_on_one_page_that_needs_no_network(tmp_path: Path) -> None
     assert all(f">{preset}</td>" in page for preset in PRESETS)
     assert {*re.findall(r'href="#(p\d+)"', page)} <= {*re.findall(r'id="(p\d+)"', page)}
     assert not re.search(r'(?:src|href)="(?!data:|#)', page)
+    assert "North is up" in page and all(f"</i>{word}<" in page for word in ("photograph", "blurred"))
 
 
 def test_a_folder_of_broken_files_has_a_page_that_says_so(tmp_path: Path) -> None:
